@@ -1,0 +1,99 @@
+"""Errors for wrong input: each names the path or argument, the value and the choices.
+
+A method that ran but did not succeed (not converged, in collision, slipped) is no error:
+it is reported by a status enum on the result, and raised only with `strict=True`.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+_MISSING = object()
+
+
+class GraspTransferError(ValueError):
+    """A wrong file or argument.
+
+    Args:
+        problem: one clear sentence, without a final full stop.
+        path: the file at fault.
+        key: the argument, or the key inside the file.
+        value: the value found there.
+        choices: the values that would have been accepted.
+        fix: what to do about it, one sentence.
+    """
+
+    def __init__(
+        self,
+        problem: str,
+        *,
+        path: str | Path | None = None,
+        key: str | None = None,
+        value: object = _MISSING,
+        choices: Iterable[object] | None = None,
+        fix: str | None = None,
+    ):
+        self.problem, self.path, self.key, self.fix = problem, path, key, fix
+        self.value = None if value is _MISSING else value
+        self.choices = None if choices is None else [str(choice) for choice in choices]
+        where = ": ".join(str(part) for part in (path, key) if part is not None)
+        text = f"{where}: {problem}" if where else problem
+        if value is not _MISSING:
+            text += f" (got {_short(value)})"
+        if self.choices is not None:
+            text += f"; known: {', '.join(self.choices) or 'none'}"
+        if fix:
+            text += f". {fix}"
+        super().__init__(text)
+
+
+def _short(value: object) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+class ImageError(GraspTransferError):
+    """A picture that cannot be read or is not RGB."""
+
+
+class PoseError(GraspTransferError):
+    """A transform that is not rigid, not in metres, or puts the object out of view."""
+
+
+class CameraError(GraspTransferError):
+    """Impossible intrinsics."""
+
+
+class MeshError(GraspTransferError):
+    """A mesh that is empty, non-finite or in other units."""
+
+
+class PointCloudError(GraspTransferError):
+    """A point cloud of the wrong shape, empty, non-finite or degenerate."""
+
+
+class CategoryError(GraspTransferError):
+    """An unknown, broken or incomplete category."""
+
+
+class GripperError(GraspTransferError):
+    """An unknown or broken gripper description."""
+
+
+class GraspFileError(GraspTransferError):
+    """A grasp file with a mistake in it."""
+
+
+class SceneError(GraspTransferError):
+    """A scene description with a mistake in it."""
+
+
+class WeightsError(GraspTransferError):
+    """Missing, corrupt or unsuitable network weights."""
+
+
+class SettingsError(GraspTransferError):
+    """An option outside its range or set of choices."""
+
+
+class NotSucceeded(GraspTransferError):
+    """Raised only under `strict=True`: the method ran and did not succeed."""
