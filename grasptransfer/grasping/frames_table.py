@@ -1,0 +1,87 @@
+"""The frames of a gripper, as a table and a picture, for people who must agree on them."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.grasping.gripper import Gripper
+
+AXIS_LENGTH = 0.04  # m, about a finger's length
+
+
+def frames_table(gripper: Gripper) -> str:
+    """Text table of a gripper's frames, joints and pads."""
+    position, rotation = gripper.base_from_tcp[:3, 3], gripper.base_from_tcp[:3, :3]
+    low, high = gripper.opening
+    meanings = ("closing, from the first pad to the second", "along the pads", "approach")
+    rows = [
+        f"gripper     {gripper.name}  ({gripper.urdf_path.name})",
+        f"base        link {gripper.base_link}",
+        f"tcp         at {_numbers(position)} m in the base, between the pads",
+    ]
+    for i, axis in enumerate("xyz"):
+        rows.append(f"  +{axis} tcp    {_numbers(rotation[:, i])} in the base; {meanings[i]}")
+    rows.append(f"opening     {low * 1e3:g} to {high * 1e3:g} mm")
+    rows.append(f"force       at most {gripper.force_limit:g} N")
+    closed, opened = gripper.joint_positions(low), gripper.joint_positions(high)
+    for joint in gripper.finger_joints:
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        rows.append(
+            f"joint       {joint.name}: {joint.kind}, {closed[joint.name]:.4f} closed, "
+            f"{opened[joint.name]:.4f} {unit} open, {joint.ratio:+g} x driver"
+        )
+    for pad, side in zip(gripper.pads, ("-x", "+x"), strict=True):
+        size = f"{pad.size[0] * 1e3:g} x {pad.size[1] * 1e3:g} mm along tcp y and z"
+        rows.append(f"pad {side}      link {pad.link}, {size}")
+    for label, width in (("closed", low), ("open", high)):
+        first, second = gripper.pad_centres(width)
+        rows.append(f"pads {label:<6} at {_numbers(first)} and {_numbers(second)} m in the tcp")
+    return "\n".join(rows)
+
+
+def _numbers(values: Float[np.ndarray, "3"]) -> str:
+    return "(" + ", ".join(f"{value + 0.0:.4f}" for value in np.round(values, 6)) + ")"
+
+
+def draw_frames(gripper: Gripper, path: str | Path) -> Path:
+    """Picture of the opened gripper with the TCP's axes: red x closing, green y, blue z approach."""
+    from matplotlib.figure import Figure
+
+    path = Path(path)
+    figure = Figure(figsize=(11, 5.5), layout="constrained")
+    for i, (elevation, azimuth, title) in enumerate(((5, -90, "along +y"), (5, 0, "along -x"))):
+        axes = figure.add_subplot(1, 2, i + 1, projection="3d", proj_type="ortho")
+        _draw(axes, gripper)
+        axes.view_init(elevation, azimuth)
+        axes.set_title(f"{gripper.name}, {gripper.max_width * 1e3:g} mm open, seen {title}")
+    temporary = path.with_name(f".{path.name}.tmp")
+    figure.savefig(temporary, dpi=110, format=path.suffix[1:] or "png")
+    os.replace(temporary, path)
+    return path
+
+
+def _draw(axes, gripper: Gripper) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    light = np.array([0.35, -0.75, 0.55])
+    meshes = gripper.link_meshes(gripper.max_width, visual=True)
+    for i, mesh in enumerate(meshes.values()):
+        shade = 0.55 + 0.45 * np.abs(mesh.face_normals @ light)
+        colour = np.array([0.75, 0.78, 0.82] if i == 0 else [0.45, 0.5, 0.56])
+        axes.add_collection3d(Poly3DCollection(mesh.triangles, facecolors=shade[:, None].clip(0, 1) * colour))
+    for direction, colour in zip(np.eye(3) * AXIS_LENGTH, ("red", "green", "blue"), strict=True):
+        axes.plot(*np.stack([np.zeros(3), direction]).T, color=colour, linewidth=2.5, zorder=10)
+    corners = np.concatenate([mesh.bounds for mesh in meshes.values()])
+    low, high = corners.min(axis=0), np.maximum(corners.max(axis=0), AXIS_LENGTH)
+    half, centre = (high - low).max() / 2, (low + high) / 2
+    axes.set(
+        xlim=(centre[0] - half, centre[0] + half),
+        ylim=(centre[1] - half, centre[1] + half),
+        zlim=(centre[2] + half, centre[2] - half),
+        xlabel="x [m]",
+        zlabel="z [m]",
+        yticks=[],
+    )
+    axes.set_box_aspect((1, 1, 1))

@@ -1,0 +1,308 @@
+"""A two-finger gripper, read from a URDF and a small YAML beside it.
+
+Frames: `base` is the URDF link the robot's wrist carries; `gripper` is the TCP, between the finger
+pads, +z approach, +x closing. `base_from_tcp` is fixed: where a linkage moves its pads along the
+approach while it closes (Robotiq 2F-85), the TCP stays.
+
+The opening is the distance between the two pad faces [m]. Joints follow a single driver,
+`joint = ratio * driver + offset`; the opening that belongs to a driver value comes from forward
+kinematics, so prismatic fingers and linkages are described alike.
+"""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.errors import GripperError
+from grasptransfer.frames import invert, transform_points
+from grasptransfer.grasping.urdf_geometry import FingerLink, Joint, read_links
+from grasptransfer.grasping.yaml_models import RigidPose, Strict, check_unit_quaternion, parse, read_yaml
+
+if TYPE_CHECKING:
+    import trimesh
+
+GRIPPER_FOLDER = Path(__file__).parent / "grippers"
+APPROACH_CLEARANCE = 0.01  # m each side: room for the usual pose error of a seen object
+TABLE_SAMPLES = 65  # a linkage's opening curve is smooth; interpolation errs by microns
+
+
+class _JointModel(Strict):
+    ratio: float = 1.0
+    offset: float = 0.0
+
+
+class _PadModel(Strict):
+    link: str
+    centre: tuple[float, float, float]
+    size: tuple[float, float]
+
+
+class _GripperModel(Strict):
+    name: str
+    urdf: str
+    base_link: str
+    base_from_tcp: RigidPose
+    joints: dict[str, _JointModel]
+    opening: tuple[float, float]
+    force_limit: float
+    pads: tuple[_PadModel, _PadModel]
+
+
+@dataclass(frozen=True)
+class Pad:
+    """The flat inner face of a finger.
+
+    Args:
+        link: URDF link that carries it.
+        centre: face centre in the link's frame [m].
+        size: extent along TCP y and TCP z [m].
+    """
+
+    link: str
+    centre: Float[np.ndarray, "3"]
+    size: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class FingerJoint:
+    """A URDF joint that follows the driver: `joint = ratio * driver + offset`."""
+
+    name: str
+    ratio: float
+    offset: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """A two-finger gripper; build it with `load_gripper`.
+
+    Args:
+        name: its name.
+        path: the YAML file it was read from.
+        urdf_path: its URDF.
+        base_link: URDF link that the wrist carries.
+        base_from_tcp: rigid transform (4, 4) [m].
+        finger_joints: joints that open and close it; the first one drives.
+        opening: smallest and largest distance between the pads [m].
+        force_limit: largest grip force [N].
+        pads: the pad on the TCP's -x side, then the one on its +x side.
+        links: geometry and kinematic chain of every link below the base.
+        driver_table, opening_table: driver values and the openings that belong to them.
+    """
+
+    name: str
+    path: Path
+    urdf_path: Path
+    base_link: str
+    base_from_tcp: Float[np.ndarray, "4 4"]
+    finger_joints: tuple[FingerJoint, ...]
+    opening: tuple[float, float]
+    force_limit: float
+    pads: tuple[Pad, Pad]
+    links: tuple[FingerLink, ...] = field(repr=False)
+    driver_table: Float[np.ndarray, "t"] = field(repr=False)
+    opening_table: Float[np.ndarray, "t"] = field(repr=False)
+
+    @property
+    def max_width(self) -> float:
+        """Largest opening [m]."""
+        return self.opening[1]
+
+    def joint_positions(self, width: float) -> dict[str, float]:
+        """Joint values, metres or radians, that put the pads `width` [m] apart.
+
+        Raises:
+            GripperError: the width lies outside the opening range.
+        """
+        low, high = self.opening
+        if not low - 1e-6 <= width <= high + 1e-6:
+            raise GripperError(
+                f"opening must lie between {low:g} and {high:g} m", key="width", value=float(width)
+            )
+        driver = float(np.interp(width, self.opening_table, self.driver_table))
+        return {joint.name: joint.ratio * driver + joint.offset for joint in self.finger_joints}
+
+    def link_poses(self, width: float) -> dict[str, Float[np.ndarray, "4 4"]]:
+        """`tcp_from_link` of every link at this opening [m]."""
+        tcp_from_base, positions = invert(self.base_from_tcp), self.joint_positions(width)
+        return {link.name: tcp_from_base @ link.base_from_link(positions) for link in self.links}
+
+    def link_meshes(self, width: float, *, visual: bool = False) -> "dict[str, trimesh.Trimesh]":
+        """Mesh of every link that has geometry, in the TCP frame [m], at this opening [m]."""
+        meshes = {}
+        for link in self.links:
+            mesh = link.visual if visual else link.collision
+            if mesh is not None:
+                meshes[link.name] = mesh.copy()
+        poses = self.link_poses(width)
+        for name, mesh in meshes.items():
+            mesh.apply_transform(poses[name])
+        return meshes
+
+    def pad_centres(self, width: float) -> Float[np.ndarray, "2 3"]:
+        """Centres of the two pad faces (-x, +x) in the TCP frame [m]."""
+        poses = self.link_poses(width)
+        return np.stack([transform_points(poses[pad.link], pad.centre) for pad in self.pads])
+
+    def approach_opening(self, width: float) -> float:
+        """Opening [m] with which to approach something `width` [m] wide: 1 cm of room on each side."""
+        return float(np.clip(width + 2 * APPROACH_CLEARANCE, *self.opening))
+
+
+def list_grippers() -> list[str]:
+    """Names of the grippers that come along."""
+    return sorted(path.stem for path in GRIPPER_FOLDER.glob("*.yaml"))
+
+
+def load_gripper(name_or_path: str | Path) -> Gripper:
+    """A gripper by name, or from a YAML file of your own beside its URDF.
+
+    Raises:
+        GripperError: unknown name, or a mistake in the YAML or URDF.
+    """
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        return _read(path)
+    if str(name_or_path) not in list_grippers():
+        raise GripperError(
+            "is not a known gripper",
+            key="gripper",
+            value=str(name_or_path),
+            choices=list_grippers(),
+            fix="Give the path of a YAML file for a gripper of your own",
+        )
+    return _packaged(str(name_or_path))
+
+
+@lru_cache(maxsize=16)
+def _packaged(name: str) -> Gripper:
+    return _read(GRIPPER_FOLDER / f"{name}.yaml")
+
+
+def _read(path: Path) -> Gripper:
+    model = parse(_GripperModel, read_yaml(path, error=GripperError), path, error=GripperError)
+    _check(model, path)
+    urdf_path = (path.parent / model.urdf).resolve()
+    links = read_links(urdf_path, model.base_link)
+    by_name = {joint.name: joint for link in links for joint in link.chain if joint.kind != "fixed"}
+    joints = _finger_joints(model, by_name, path)
+    first, second = (_pad(i, model.pads[i], [link.name for link in links], path) for i in range(2))
+    base_from_tcp = model.base_from_tcp.matrix()
+    base_from_tcp.setflags(write=False)
+    limits = by_name[joints[0].name].limits
+    drivers, openings = _opening_table(joints, limits, links, (first, second), base_from_tcp)
+    return Gripper(
+        name=model.name,
+        path=path,
+        urdf_path=urdf_path,
+        base_link=model.base_link,
+        base_from_tcp=base_from_tcp,
+        finger_joints=joints,
+        opening=_opening_range(model.opening, openings, path),
+        force_limit=model.force_limit,
+        pads=(first, second),
+        links=links,
+        driver_table=drivers,
+        opening_table=openings,
+    )
+
+
+def _check(model: _GripperModel, path: Path) -> None:
+    check_unit_quaternion(
+        model.base_from_tcp.orientation, path, "base_from_tcp.orientation", error=GripperError
+    )
+    low, high = model.opening
+    if not 0 <= low < high <= 1:
+        raise GripperError(
+            "must be two rising lengths in metres", path=path, key="opening", value=[low, high]
+        )
+    if model.force_limit <= 0:
+        raise GripperError("must be positive", path=path, key="force_limit", value=model.force_limit)
+    if not model.joints:
+        raise GripperError("must name at least one joint", path=path, key="joints")
+    for i, pad in enumerate(model.pads):
+        if min(pad.size) <= 0:
+            raise GripperError("must be positive", path=path, key=f"pads.{i}.size", value=list(pad.size))
+
+
+def _finger_joints(model: _GripperModel, by_name: dict[str, Joint], path: Path) -> tuple[FingerJoint, ...]:
+    for name in model.joints:
+        if name not in by_name:
+            raise GripperError(
+                "is not a moving joint below the base link", path=path, key=f"joints.{name}", choices=by_name
+            )
+    missing = [name for name in by_name if name not in model.joints]
+    if missing:
+        raise GripperError(
+            "moves below the base link and must be listed, with its ratio to the driver",
+            path=path,
+            key=f"joints.{missing[0]}",
+        )
+    if next(iter(model.joints.values())).ratio == 0:
+        raise GripperError("the driver's ratio must not be 0", path=path, key="joints")
+    return tuple(
+        FingerJoint(name, joint.ratio, joint.offset, by_name[name].kind)
+        for name, joint in model.joints.items()
+    )
+
+
+def _pad(index: int, model: _PadModel, links: list[str], path: Path) -> Pad:
+    if model.link not in links:
+        raise GripperError(
+            "is not a link below the base link",
+            path=path,
+            key=f"pads.{index}.link",
+            value=model.link,
+            choices=links,
+        )
+    return Pad(model.link, np.array(model.centre), model.size)
+
+
+def _opening_table(
+    finger_joints: tuple[FingerJoint, ...],
+    limits: tuple[float, float],
+    links: tuple[FingerLink, ...],
+    pads: tuple[Pad, Pad],
+    base_from_tcp: Float[np.ndarray, "4 4"],
+) -> tuple[Float[np.ndarray, "t"], Float[np.ndarray, "t"]]:
+    """Driver values and the openings that belong to them, from closed to open."""
+    first = finger_joints[0]
+    drivers = np.linspace(*(np.array(limits) - first.offset) / first.ratio, TABLE_SAMPLES)
+    chains = {link.name: link for link in links}
+    tcp_from_base, openings = invert(base_from_tcp), []
+    for driver in drivers:
+        positions = {joint.name: joint.ratio * driver + joint.offset for joint in finger_joints}
+        low, high = (
+            transform_points(tcp_from_base @ chains[pad.link].base_from_link(positions), pad.centre)
+            for pad in pads
+        )
+        openings.append(high[0] - low[0])
+    if openings[0] > openings[-1]:
+        drivers, openings = drivers[::-1].copy(), openings[::-1]
+    return drivers, np.array(openings)
+
+
+def _opening_range(
+    wanted: tuple[float, float], table: Float[np.ndarray, "t"], path: Path
+) -> tuple[float, float]:
+    if table[-1] <= 0 or np.any(np.diff(table) <= 0):
+        raise GripperError(
+            "pads do not move apart along TCP x when the driver moves",
+            path=path,
+            key="pads",
+            value=[round(float(table[0]), 4), round(float(table[-1]), 4)],
+            fix="List the -x pad first, and check base_from_tcp and the ratios of the joints",
+        )
+    if wanted[0] < table[0] - 1e-3 or wanted[1] > table[-1] + 1e-3:
+        raise GripperError(
+            f"the URDF's joint limits allow {table[0]:.4f} to {table[-1]:.4f} m",
+            path=path,
+            key="opening",
+            value=list(wanted),
+        )
+    return max(wanted[0], float(table[0])), min(wanted[1], float(table[-1]))
