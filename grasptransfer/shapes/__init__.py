@@ -22,13 +22,19 @@ __all__ = [
     "sample",
 ]
 
-_NAMES = ("bottle", "camera", "spray_bottle", "drill", "mug")
+_MODULES = {  # the model of a photo camera is no `grasptransfer.camera`
+    "bottle": "bottle",
+    "camera": "photo_camera",
+    "spray_bottle": "spray_bottle",
+    "drill": "drill",
+    "mug": "mug",
+}
 
 
 @lru_cache(maxsize=1)
 def generators() -> tuple[str, ...]:
     """Names of the categories that have a parametric model."""
-    return tuple(name for name in _NAMES if util.find_spec(f"{__name__}.{name}"))
+    return tuple(name for name, module in _MODULES.items() if util.find_spec(f"{__name__}.{module}"))
 
 
 def sample(category: str, seed: int, **fixed) -> Shape:
@@ -64,7 +70,7 @@ def canonical(category: str) -> Shape:
 def _module(category: str):
     if category not in generators():
         raise CategoryError("has no parametric model", key="category", value=category, choices=generators())
-    return import_module(f"{__name__}.{category}")
+    return import_module(f"{__name__}.{_MODULES[category]}")
 
 
 def _fix(parameters, fixed: dict):
