@@ -1,0 +1,24 @@
+"""A category of objects on disk: its canonical model, instances, shape space and grasp file.
+
+`objects/README.md` is the format. Building one from meshes is `category.build`.
+"""
+
+from grasptransfer.category.category import (
+    Category,
+    list_categories,
+    load_category,
+    objects_folder,
+)
+from grasptransfer.category.check import Fault, check_category
+from grasptransfer.category.settings import CategoryFile, Settings
+
+__all__ = [
+    "Category",
+    "CategoryFile",
+    "Fault",
+    "Settings",
+    "check_category",
+    "list_categories",
+    "load_category",
+    "objects_folder",
+]

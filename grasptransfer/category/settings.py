@@ -1,0 +1,139 @@
+"""`category.yaml`: what a category is, how it was built, and the checksums of its files."""
+
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from grasptransfer.category.files import write_whole
+from grasptransfer.errors import CategoryError
+
+FILE_NAME = "category.yaml"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class Frame(_Strict):
+    """The frame that every file of the category is in."""
+
+    length_unit: Literal["m"] = "m"
+    up: Literal["+z"] = "+z"
+    front: Literal["+x"] = "+x"
+    origin: Literal["bounding box centre"] = "bounding box centre"
+
+
+class Split(_Strict):
+    """Names of the instances, `instances/<name>.glb` each.
+
+    Args:
+        canonical: which object the canonical model is; an instance's name, or a name of its own.
+        train: instances behind the shape space.
+        test: instances that nothing was fitted to.
+    """
+
+    canonical: str
+    train: tuple[str, ...] = Field(min_length=1)
+    test: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _distinct(self) -> "Split":
+        names = [*self.train, *self.test]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"{twice[0]!r} is listed more than once in train and test")
+        return self
+
+
+class Settings(_Strict):
+    """How the shape space was made.
+
+    Args:
+        beta: width of the kernel, in units of the control points' RMS radius.
+        lam: smoothness of CPD, or of the fit through known correspondences; written `lambda`.
+        modes: number of modes of the shape space.
+        metric: scalar product in which its principal components are taken.
+        correspondences: "cpd" (registered), or "exact" (known from a parametric model).
+        outlier_weight: of CPD, in [0, 1).
+        control_points: how many there are.
+        voxel: edge of the voxel filter of the control points [m].
+        samples: shapes behind the shape space; more than the train instances for a parametric model.
+    """
+
+    beta: float = Field(gt=0)
+    lam: float = Field(gt=0, alias="lambda")
+    modes: int = Field(ge=1)
+    metric: Literal["W", "GW", "G"] = "GW"
+    correspondences: Literal["cpd", "exact"]
+    outlier_weight: float = Field(default=0.0, ge=0, lt=1)
+    control_points: int = Field(ge=4)
+    voxel: float = Field(gt=0)
+    samples: int = Field(ge=1)
+
+
+class CategoryFile(_Strict):
+    """The contents of `category.yaml`.
+
+    Args:
+        measured: figures of the build, by name with their unit, such as `heldout_rms_mm`.
+        checksums: sha256 of each file of the folder but this one and `grasps.yaml`, by relative path.
+        versions: of the software that built it.
+    """
+
+    format: Literal["grasptransfer_category"] = "grasptransfer_category"
+    format_version: Literal[1] = 1
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
+    description: str = ""
+    frame: Frame = Frame()
+    split: Split
+    settings: Settings
+    measured: dict[str, float | int | str | list[float]] = {}
+    checksums: dict[str, str]
+    versions: dict[str, str] = {}
+
+    @staticmethod
+    def load(folder: Path) -> "CategoryFile":
+        """Read and validate the `category.yaml` of a folder.
+
+        Raises:
+            CategoryError: missing, not YAML, or with a wrong key or value.
+        """
+        path = folder / FILE_NAME
+        try:
+            data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        except FileNotFoundError as cause:
+            raise CategoryError("is missing", path=path, fix="Is this a category folder?") from cause
+        except (OSError, UnicodeDecodeError) as cause:
+            raise CategoryError("cannot be read", path=path, fix=str(cause)) from cause
+        except yaml.YAMLError as cause:
+            mark = getattr(cause, "problem_mark", None)
+            line = f" at line {mark.line + 1}" if mark else ""
+            raise CategoryError(f"is not valid YAML{line}", path=path) from cause
+        try:
+            return CategoryFile.model_validate(data)
+        except ValidationError as cause:
+            first = cause.errors()[0]
+            key = ".".join(str(part) for part in first["loc"]) or None
+            problem = "is not a known key" if first["type"] == "extra_forbidden" else first["msg"]
+            raise CategoryError(problem, path=path, key=key, value=first["input"]) from cause
+
+    def save(self, folder: Path) -> None:
+        """Write `category.yaml`; write it last, since it vouches for the other files."""
+        data = self.model_dump(mode="json", by_alias=True)
+        text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=110)
+        write_whole(folder / FILE_NAME, text.encode())
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of what a category's bytes depend on."""
+    names = ("grasptransfer", "numpy", "scipy", "trimesh")
+    found = {}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
