@@ -20,7 +20,6 @@ lint: .venv/ready
 	@$(PYTHON) -c "import sys; v = sys.version_info[:2]; sys.exit(None if v in ((3, 10), (3, 11)) else \
 	  f'Python {v[0]}.{v[1]}: pybullet has wheels for 3.10 and 3.11; install python3.11 (apt-get install python3.11 python3.11-venv)')"
 	$(PYTHON) -m venv .venv || { echo "venv is missing: apt-get install python3-venv"; exit 1; }
-	$(BIN)/pip install --quiet --upgrade pip==26.1
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev]"
 	touch .venv/ready
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
 from grasptransfer.errors import CameraError
 
@@ -58,7 +58,7 @@ class Camera:
         return Camera(focal, focal, (width - 1) / 2, (height - 1) / 2, width, height)
 
     @staticmethod
-    def from_matrix(matrix: Shaped[np.ndarray, "..."], width: int, height: int) -> "Camera":
+    def from_matrix(matrix: object, width: int, height: int) -> "Camera":
         """Camera of a 3x3 intrinsic matrix [px]."""
         try:
             k = np.array(matrix, dtype=float)
@@ -95,6 +95,9 @@ class Camera:
             missing = [name for name in names if name not in data]
             if missing:
                 raise CameraError("is missing", path=path, key=missing[0], choices=names)
+            for name in names:
+                if isinstance(data[name], bool) or not isinstance(data[name], int | float):
+                    raise CameraError("must be a number", path=path, key=name, value=data[name])
             return Camera(**{name: data[name] for name in names})
         except CameraError as error:
             if error.path is not None:

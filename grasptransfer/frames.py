@@ -19,7 +19,7 @@ never a transform.
 """
 
 import numpy as np
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
 from grasptransfer.errors import PoseError
 
@@ -30,7 +30,7 @@ LARGEST_TRANSLATION = 50.0  # m; beyond it a pose was given in millimetres
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def check_rigid(a_from_b: Shaped[np.ndarray, "..."], name: str = "pose") -> Float[np.ndarray, "4 4"]:
+def check_rigid(a_from_b: object, name: str = "pose") -> Float[np.ndarray, "4 4"]:
     """Return `a_from_b` as float64 (4, 4) with an exactly orthonormal rotation.
 
     Raises:

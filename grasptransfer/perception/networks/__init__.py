@@ -1,0 +1,48 @@
+"""Networks that see the observed and the canonical picture and predict, per canonical pixel, how it moves.
+
+Every network maps `(b, 8, 192, 256)` (observed RGB and box mask, canonical coordinates and
+mask) to a `Prediction`. They differ in size and speed only.
+"""
+
+from typing import NamedTuple
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from grasptransfer.errors import SettingsError
+
+STRIDE = 4  # input pixels per cell of offsets and flow
+OFFSET_UNIT = 0.01  # m: the networks predict offsets in centimetres, numbers near one
+FLOW_UNIT = 10.0  # px of the zoomed picture
+
+
+class Prediction(NamedTuple):
+    """Network output; cell (i, j) belongs to zoomed pixel (u, v) = (4 j + 2, 4 i + 2).
+
+    Args:
+        offset: displacement of the canonical point seen in the cell, object axes [OFFSET_UNIT].
+        offset_log_scale: logarithm of its Laplace scale [OFFSET_UNIT].
+        flow: from the canonical pixel to where the displaced point is observed [FLOW_UNIT].
+        flow_log_scale: logarithm of its Laplace scale [FLOW_UNIT].
+        mask_logit: of the observed object, at half the input's resolution.
+    """
+
+    offset: Float[Tensor, "b 3 48 64"]
+    offset_log_scale: Float[Tensor, "b 1 48 64"]
+    flow: Float[Tensor, "b 2 48 64"]
+    flow_log_scale: Float[Tensor, "b 1 48 64"]
+    mask_logit: Float[Tensor, "b 1 96 128"]
+
+
+def network_names() -> list[str]:
+    """Names `build_network` knows."""
+    return ["compact"]
+
+
+def build_network(name: str) -> nn.Module:
+    """A freshly initialised network."""
+    if name == "compact":
+        from grasptransfer.perception.networks.compact import CompactFlowNet
+
+        return CompactFlowNet()
+    raise SettingsError("unknown network", key="network", value=name, choices=network_names())

@@ -1,0 +1,47 @@
+"""The JSON document of a benchmark: settings, machine, rows and summary."""
+
+import json
+import os
+import platform
+from pathlib import Path
+
+import numpy as np
+
+from grasptransfer import __version__
+
+
+def document(benchmark: str, *, settings: dict, rows: list[dict], summary: dict) -> dict:
+    """One benchmark run, as every `bench` command writes it."""
+    return {
+        "benchmark": benchmark,
+        "version": __version__,
+        "settings": settings,
+        "machine": {
+            "processor": platform.machine(),
+            "cores": os.cpu_count(),
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+        },
+        "rows": rows,
+        "summary": summary,
+    }
+
+
+def write_document(result: dict, path: Path):
+    """Write it whole or not at all; NaN becomes null."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(path.name + ".part")
+    unfinished.write_text(json.dumps(_plain(result), indent=1))
+    os.replace(unfinished, path)
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,118 @@
+"""Batches for training: backgrounds, occluders and the faults of real cameras, added on the fly."""
+
+import io
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32, UInt8
+from PIL import Image, ImageFilter
+from torch import Tensor
+
+from grasptransfer.perception.dataset import Dataset
+from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH
+
+
+def network_input(
+    observed: UInt8[np.ndarray, "b 192 256 3"],
+    boxes: Float32[np.ndarray, "b 4"],
+    coordinates: UInt8[np.ndarray, "b 192 256 3"],
+) -> Float32[Tensor, "b 8 192 256"]:
+    """Stack what the network sees: observed RGB and box, canonical coordinates and mask, each in [-1, 1].
+
+    Args:
+        boxes: (u0, v0, u1, v1) in zoomed pixels; NaN where no box is told (the mask is then 0 everywhere).
+    """
+    v, u = np.arange(ZOOM_HEIGHT)[:, None], np.arange(ZOOM_WIDTH)[None]
+    u0, v0, u1, v1 = (boxes[:, i, None, None] for i in range(4))
+    inside = (u >= u0) & (u <= u1) & (v >= v0) & (v <= v1)
+    told = np.where(np.isnan(boxes).any(1)[:, None, None], 0, np.where(inside, 255, 0)).astype(np.uint8)
+    mask = np.where(coordinates.any(-1), 255, 0).astype(np.uint8)
+    stacked = np.concatenate([observed, told[..., None], coordinates, mask[..., None]], -1)
+    channels_last = torch.from_numpy(stacked).permute(0, 3, 1, 2)
+    return channels_last.float().div_(127.5).sub_(1)
+
+
+def training_batch(
+    dataset: Dataset, indices: np.ndarray, rng: np.random.Generator
+) -> tuple[Float32[Tensor, "b 8 192 256"], dict[str, Tensor]]:
+    """Augmented input and targets of the samples at `indices`."""
+    arrays = dataset.batch(indices)
+    pictures, masks = zip(*(_compose(observed, dataset, rng) for observed in arrays["observed"]), strict=True)
+    targets = {
+        "offset": torch.from_numpy(arrays["offset"]).permute(0, 3, 1, 2).float(),
+        "flow": torch.from_numpy(arrays["flow"]).permute(0, 3, 1, 2).float(),
+        "valid": torch.from_numpy(arrays["valid"])[:, None].float(),
+        "mask": torch.from_numpy(np.stack(masks))[:, None],
+    }
+    return network_input(np.stack(pictures), arrays["box"], arrays["canonical"]), targets
+
+
+def _compose(
+    observed: UInt8[np.ndarray, "192 256 5"], dataset: Dataset, rng: np.random.Generator
+) -> tuple[UInt8[np.ndarray, "192 256 3"], Float32[np.ndarray, "96 128"]]:
+    """The picture and the share of each half-resolution pixel that the visible object covers."""
+    alpha = observed[..., 3:4].astype(np.float32) / 255
+    picture = observed[..., :3] * rng.uniform(0.6, 1.3) + _background(dataset, rng) * (1 - alpha)
+    mask = observed[..., 4].astype(np.float32) / 255
+    for _ in range(rng.integers(1, 3) if rng.random() < 0.25 else 0):
+        _occlude(picture, mask, dataset, rng)
+    picture = _degrade(_photometry(picture, rng), rng)
+    return picture, mask.reshape(ZOOM_HEIGHT // 2, 2, ZOOM_WIDTH // 2, 2).mean((1, 3))
+
+
+def _background(dataset: Dataset, rng: np.random.Generator) -> Float32[np.ndarray, "192 256 3"]:
+    whole = dataset.backgrounds[rng.integers(len(dataset.backgrounds))]
+    top, left = rng.integers(whole.shape[0] - ZOOM_HEIGHT + 1), rng.integers(whole.shape[1] - ZOOM_WIDTH + 1)
+    cut = whole[top : top + ZOOM_HEIGHT, left : left + ZOOM_WIDTH]
+    if rng.random() < 0.5:
+        cut = cut[:, ::-1]
+    return cut.astype(np.float32) * rng.uniform(0.6, 1.3)
+
+
+def _occlude(picture: Float32[np.ndarray, "h w 3"], mask: Float32[np.ndarray, "h w"], dataset, rng):
+    """Paste an object in front, in place."""
+    side = int(rng.uniform(40, 150))
+    sprite = Image.fromarray(dataset.sprites[rng.integers(len(dataset.sprites))], "RGBA").resize((side, side))
+    sprite = np.asarray(sprite.rotate(rng.uniform(-40, 40))).astype(np.float32)
+    u, v = (
+        int(rng.uniform(-side / 2, ZOOM_WIDTH - side / 2)),
+        int(rng.uniform(-side / 2, ZOOM_HEIGHT - side / 2)),
+    )
+    rows, columns = slice(max(v, 0), min(v + side, ZOOM_HEIGHT)), slice(max(u, 0), min(u + side, ZOOM_WIDTH))
+    cut = sprite[rows.start - v : rows.stop - v, columns.start - u : columns.stop - u]
+    cover = cut[..., 3:] / 255
+    hidden = mask[rows, columns] * (cover[..., 0] > 0.5)
+    if hidden.sum() > 0.4 * mask.sum():  # an object that is mostly hidden teaches nothing
+        return
+    picture[rows, columns] = picture[rows, columns] * (1 - cover) + cut[..., :3] * cover
+    mask[rows, columns] -= hidden
+
+
+def _photometry(
+    picture: Float32[np.ndarray, "h w 3"], rng: np.random.Generator
+) -> Float[np.ndarray, "h w 3"]:
+    """Exposure, contrast, white balance, saturation and gamma."""
+    grey = picture.mean(-1, keepdims=True)
+    picture = grey + (picture - grey) * rng.uniform(0.3, 1.3)
+    picture = (picture - 128) * rng.uniform(0.6, 1.3) + 128 + rng.uniform(-30, 30)
+    picture = np.clip(picture * (1 + rng.normal(0, 0.08, 3)), 0, 255).astype(np.float32)
+    return 255 * (picture / 255) ** np.float32(rng.uniform(0.7, 1.4))
+
+
+def _degrade(picture: Float[np.ndarray, "h w 3"], rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
+    """Low resolution, blur, sensor noise and JPEG."""
+    image = Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8))
+    if rng.random() < 0.5:
+        share = rng.uniform(0.25, 0.9)
+        small = image.resize((int(ZOOM_WIDTH * share), int(ZOOM_HEIGHT * share)), Image.Resampling.BILINEAR)
+        image = small.resize((ZOOM_WIDTH, ZOOM_HEIGHT), Image.Resampling.BILINEAR)
+    if rng.random() < 0.25:
+        image = image.filter(ImageFilter.GaussianBlur(rng.uniform(0.4, 1.8)))
+    if rng.random() < 0.5:
+        noise = rng.standard_normal((ZOOM_HEIGHT, ZOOM_WIDTH, 3), np.float32) * rng.uniform(1, 12)
+        image = Image.fromarray(np.clip(np.asarray(image) + noise, 0, 255).astype(np.uint8))
+    if rng.random() < 0.3:
+        memory = io.BytesIO()
+        image.save(memory, "JPEG", quality=int(rng.uniform(30, 92)))
+        image = Image.open(memory)
+    return np.asarray(image)

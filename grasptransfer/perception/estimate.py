@@ -1,0 +1,57 @@
+"""What every estimator returns: the field from canonical to instance, and how sure it is."""
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from grasptransfer.perception.observation import Observation
+from grasptransfer.registration import DeformationField
+
+
+class EstimateStatus(enum.Enum):
+    """Outcome of a shape estimate; `advice` says what to do about it."""
+
+    OK = "ok"
+    OUT_OF_CATEGORY = "out_of_category"
+    NOT_CONVERGED = "not_converged"
+
+    @property
+    def advice(self) -> str:
+        """One sentence for the user."""
+        return {
+            EstimateStatus.OK: "The instance was reconstructed.",
+            EstimateStatus.OUT_OF_CATEGORY: "What is seen does not fit the category: check the category and the pose.",
+            EstimateStatus.NOT_CONVERGED: "The fit stopped before it settled: check the pose, or give a mask.",
+        }[self]
+
+
+@dataclass(frozen=True)
+class ShapeEstimate:
+    """A reconstructed instance.
+
+    Args:
+        field: canonical to object frame [m].
+        camera_from_object: (4, 4) the pose, refined where the estimator does that.
+        latent: (k,) coordinates in the shape space, standard deviations from the mean.
+        latent_covariance: (k, k) posterior covariance of `latent`.
+        mask: (h, w) predicted pixels of the object.
+        category_score: 1 = fits the category, 0 = does not.
+        status: outcome.
+        timings: seconds per stage.
+    """
+
+    field: DeformationField
+    camera_from_object: Float[np.ndarray, "4 4"]
+    latent: Float[np.ndarray, "k"] | None = None
+    latent_covariance: Float[np.ndarray, "k k"] | None = None
+    mask: Bool[np.ndarray, "h w"] | None = None
+    category_score: float = 1.0
+    status: EstimateStatus = EstimateStatus.OK
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+Estimator: TypeAlias = Callable[[Observation], ShapeEstimate]

@@ -1,0 +1,61 @@
+"""Training losses on a network's `Prediction`."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from grasptransfer.errors import SettingsError
+from grasptransfer.perception.networks import OFFSET_UNIT, Prediction
+
+LOSSES = ("likelihood", "paper")
+
+
+def training_loss(
+    prediction: Prediction, targets: dict[str, Tensor], loss: str
+) -> dict[str, Float[Tensor, ""]]:
+    """The loss and its terms; `total` is minimised, errors are in millimetres and zoomed pixels.
+
+    Args:
+        loss: "likelihood": Laplace likelihood of offsets and flow, each with its own predicted scale,
+            and cross-entropy of the mask. "paper": squared offset error times 1000 (section IV-C), in metres.
+    """
+    valid = targets["valid"]
+    count = valid.sum().clamp(min=1)
+    offset_error = _length(prediction.offset - targets["offset"])
+    flow_error = _length(prediction.flow - targets["flow"])
+    mask = functional.binary_cross_entropy_with_logits(prediction.mask_logit, targets["mask"])
+    terms = {
+        "offset_mm": (offset_error * valid).sum() / count * OFFSET_UNIT * 1000,
+        "flow_px": (flow_error * valid).sum() / count * 10,
+        "mask": mask,
+        "iou": _iou(prediction.mask_logit, targets["mask"]),
+    }
+    if loss == "paper":
+        squared = ((offset_error * OFFSET_UNIT) ** 2 * valid).sum() / count
+        return terms | {"total": squared * 1000}
+    if loss != "likelihood":
+        raise SettingsError("unknown loss", key="loss", value=loss, choices=LOSSES)
+    offset = _laplace(offset_error, prediction.offset_log_scale, 3)
+    flow = _laplace(flow_error, prediction.flow_log_scale, 2)
+    likelihood = ((offset + flow) * valid).sum() / count
+    # The plain errors keep pulling where a large predicted scale has made the likelihood flat.
+    robust = ((offset_error + 0.5 * flow_error) * valid).sum() / count
+    return terms | {"total": 0.2 * likelihood + robust + 2 * mask}
+
+
+def _laplace(error: Tensor, log_scale: Tensor, dimensions: int) -> Tensor:
+    """Negative log likelihood of an isotropic Laplace error of this length."""
+    log_scale = log_scale.clamp(-5, 3)
+    return error * torch.exp(-log_scale) + dimensions * log_scale
+
+
+def _length(error: Tensor) -> Tensor:
+    # The small constant keeps the gradient finite at zero error.
+    return (error.float().square().sum(1, keepdim=True) + 1e-6).sqrt()
+
+
+def _iou(logit: Tensor, mask: Tensor) -> Tensor:
+    predicted, true = logit > 0, mask > 0.5
+    both = (predicted & true).sum((1, 2, 3)).float()
+    return (both / (predicted | true).sum((1, 2, 3)).clamp(min=1)).mean()

@@ -1,0 +1,77 @@
+"""The default network: a small U-shaped FlowNet with residual stages, made for two CPU cores.
+
+Group norm, not batch norm: the observed and the rendered picture have different statistics,
+and batch statistics that mix them fail in evaluation.
+"""
+
+import itertools
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+from grasptransfer.perception.networks import Prediction
+
+WIDTHS = (16, 48, 80, 128, 192)  # channels at strides 2, 4, 8, 16, 32
+
+
+class CompactFlowNet(nn.Module):
+    """Encoder to stride 32 with a global context, decoder back to stride 4 (mask: 2)."""
+
+    def __init__(self):
+        super().__init__()
+        self.stem = nn.Sequential(nn.Conv2d(8, WIDTHS[0], 5, 2, 2, bias=False), _norm(WIDTHS[0]), nn.ReLU())
+        self.down = nn.ModuleList(
+            nn.Sequential(_conv(a, b, 2), ResidualBlock(b), ResidualBlock(b))
+            for a, b in itertools.pairwise(WIDTHS)
+        )
+        self.context = nn.Sequential(nn.Linear(WIDTHS[-1], 256), nn.ReLU(), nn.Linear(256, WIDTHS[-1]))
+        self.up = nn.ModuleList(
+            nn.Sequential(_conv(a + b, b, 1), ResidualBlock(b))
+            for a, b in zip(WIDTHS[:1:-1], WIDTHS[-2:0:-1], strict=True)
+        )
+        self.motion = nn.Conv2d(WIDTHS[1], 7, 3, 1, 1)
+        self.mask = nn.Sequential(_conv(WIDTHS[1] + WIDTHS[0], 24, 1), nn.Conv2d(24, 1, 3, 1, 1))
+        nn.init.zeros_(self.motion.weight)
+        nn.init.zeros_(self.motion.bias)
+
+    def forward(self, pictures: Float[Tensor, "b 8 192 256"]) -> Prediction:
+        """Predict from observed RGB + box and canonical coordinates + mask, stacked."""
+        levels = [self.stem(pictures)]
+        for stage in self.down:
+            levels.append(stage(levels[-1]))
+        deep = levels[-1]
+        deep = deep + self.context(deep.mean((2, 3)))[:, :, None, None]
+        for stage, skip in zip(self.up, levels[-2:0:-1], strict=True):
+            deep = stage(torch.cat([_double(deep), skip], 1))
+        motion = self.motion(deep)
+        mask = self.mask(torch.cat([_double(deep), levels[0]], 1))
+        offset, offset_log_scale, flow, flow_log_scale = motion.split([3, 1, 2, 1], 1)
+        return Prediction(offset, offset_log_scale, flow, flow_log_scale, mask)
+
+
+class ResidualBlock(nn.Module):
+    """Two 3x3 convolutions beside an identity."""
+
+    def __init__(self, width: int):
+        super().__init__()
+        self.body = nn.Sequential(
+            _conv(width, width, 1), nn.Conv2d(width, width, 3, 1, 1, bias=False), _norm(width)
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Refine features of any size."""
+        return torch.relu(x + self.body(x))
+
+
+def _conv(a: int, b: int, stride: int) -> nn.Sequential:
+    return nn.Sequential(nn.Conv2d(a, b, 3, stride, 1, bias=False), _norm(b), nn.ReLU())
+
+
+def _norm(width: int) -> nn.GroupNorm:
+    return nn.GroupNorm(8, width)
+
+
+def _double(x: Tensor) -> Tensor:
+    return functional.interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False)

@@ -1,0 +1,209 @@
+"""What the robot saw, checked: the input of every estimator."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from PIL import Image, UnidentifiedImageError
+
+from grasptransfer.camera import Camera
+from grasptransfer.errors import ImageError, PoseError
+from grasptransfer.frames import check_rigid
+from grasptransfer.perception.zoom import Box
+
+SMALLEST_SIDE, LARGEST_SIDE = 32, 16384  # px
+DEFAULT_FOV = np.deg2rad(60.0)
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One RGB picture of an instance and its approximate pose.
+
+    Args:
+        image: (h, w, 3) RGB.
+        camera: intrinsics of the whole picture.
+        camera_from_object: (4, 4) OpenCV axes, metres.
+        mask: (h, w) visible pixels of the object, if known.
+        box: (u0, v0, u1, v1) around the object [px], if known.
+        depth: (h, w) along the optical axis [m], 0 = missing, if measured.
+    """
+
+    image: UInt8[np.ndarray, "h w 3"]
+    camera: Camera
+    camera_from_object: Float[np.ndarray, "4 4"]
+    mask: Bool[np.ndarray, "h w"] | None = None
+    box: Box | None = None
+    depth: Float[np.ndarray, "h w"] | None = None
+
+
+def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
+    """Check a user's picture, pose and camera.
+
+    Args:
+        image: path, PIL picture or uint8 (h, w, 3) RGB array.
+        pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
+        camera: `Camera`, 3x3 intrinsics [px], or None for 60 degrees horizontal field of view.
+        mask: bool (h, w), or box (u0, v0, u1, v1) [px], or None.
+        depth: (h, w) metres, 0 = missing, or None.
+
+    Raises:
+        ImageError, CameraError, PoseError: with the argument, the value and what to do.
+    """
+    pixels = read_image(image)
+    height, width = pixels.shape[:2]
+    camera = _checked_camera(camera, width, height)
+    camera_from_object = check_rigid(pose, "pose")
+    _check_in_view(camera_from_object, camera)
+    box = None
+    if mask is not None:
+        mask, box = _checked_mask(mask, width, height)
+    if depth is not None:
+        depth = _checked_depth(depth, width, height)
+    return Observation(pixels, camera, camera_from_object, mask, box, depth)
+
+
+def read_image(image: object) -> UInt8[np.ndarray, "h w 3"]:
+    """An RGB array of a path, PIL picture or array; grey and opaque RGBA are converted with a note."""
+    source = None
+    if isinstance(image, str | Path):
+        source = Path(image)
+        try:
+            with Image.open(source) as opened:
+                opened.load()
+                image = opened
+        except FileNotFoundError as error:
+            raise ImageError("does not exist", path=source) from error
+        except (UnidentifiedImageError, OSError, ValueError) as error:
+            raise ImageError(f"cannot be read as a picture: {error}", path=source) from error
+    if isinstance(image, Image.Image):
+        image = _pil_to_array(image, source)
+    if not isinstance(image, np.ndarray):
+        raise ImageError("must be a path, a PIL picture or an array", key="image", value=type(image).__name__)
+    pixels = _to_rgb(image, source)
+    height, width = pixels.shape[:2]
+    if min(height, width) < SMALLEST_SIDE or max(height, width) > LARGEST_SIDE:
+        raise ImageError(
+            f"sides must lie between {SMALLEST_SIDE} and {LARGEST_SIDE} pixels",
+            path=source,
+            key="image",
+            value=f"{width} x {height}",
+        )
+    return pixels
+
+
+def _pil_to_array(image: Image.Image, source: Path | None) -> np.ndarray:
+    if image.mode in ("RGB", "RGBA", "L"):
+        return np.array(image)
+    if image.mode == "P":
+        return np.array(image.convert("RGBA" if "transparency" in image.info else "RGB"))
+    raise ImageError(
+        "unsupported picture mode",
+        path=source,
+        key="image",
+        value=image.mode,
+        choices=["RGB", "RGBA", "L", "P"],
+    )
+
+
+def _to_rgb(image: np.ndarray, source: Path | None) -> UInt8[np.ndarray, "h w 3"]:
+    if image.dtype != np.uint8:
+        fix = "Multiply by 255 and convert with .astype(np.uint8)" if image.dtype.kind == "f" else None
+        raise ImageError("must be uint8", path=source, key="image", value=str(image.dtype), fix=fix)
+    if image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 1):
+        logger.warning("The picture is grey; it is used with three equal channels.")
+        return np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
+    if image.ndim == 3 and image.shape[2] == 4:
+        if (image[..., 3] < 255).any():
+            raise ImageError(
+                "RGBA picture with see-through pixels: their colour is not known",
+                path=source,
+                key="image",
+                value=image.shape,
+                fix="Put it on a background first and give RGB",
+            )
+        logger.warning("The picture's alpha channel is opaque everywhere; it is dropped.")
+        return np.ascontiguousarray(image[..., :3])
+    if image.ndim != 3 or image.shape[2] != 3:
+        raise ImageError("must have shape (height, width, 3)", path=source, key="image", value=image.shape)
+    return np.ascontiguousarray(image)
+
+
+def _checked_camera(camera, width: int, height: int) -> Camera:
+    if camera is None:
+        logger.warning("No camera given: 60 degrees horizontal field of view is assumed.")
+        return Camera.from_fov(width, height, DEFAULT_FOV)
+    if not isinstance(camera, Camera):
+        return Camera.from_matrix(camera, width, height)
+    if (camera.width, camera.height) != (width, height):
+        raise ImageError(
+            f"size differs from the camera's {camera.width} x {camera.height}",
+            key="image",
+            value=f"{width} x {height}",
+            fix="Give the intrinsics of this picture, or resize it to the camera's size",
+        )
+    return camera
+
+
+def _check_in_view(camera_from_object: Float[np.ndarray, "4 4"], camera: Camera):
+    translation = camera_from_object[:3, 3]
+    if translation[2] <= 0.02:
+        raise PoseError(
+            "the object lies behind the camera or touches it",
+            key="pose",
+            value=f"z = {translation[2]:.3f} m",
+            fix="Axes are OpenCV's: z forward. Is the pose object_from_camera, or OpenGL's?",
+        )
+    u, v = camera.project(translation)
+    # An object whose centre is off the picture by more than half of it cannot be seen well enough.
+    slack_u, slack_v = camera.width / 2, camera.height / 2
+    if not (-slack_u < u < camera.width + slack_u and -slack_v < v < camera.height + slack_v):
+        raise PoseError(
+            f"the object projects outside the picture of {camera.width} x {camera.height}",
+            key="pose",
+            value=f"pixel ({u:.0f}, {v:.0f})",
+        )
+
+
+def _checked_mask(mask, width: int, height: int) -> tuple[np.ndarray | None, Box]:
+    array = np.asarray(mask)
+    if array.shape == (4,) and array.dtype != bool:
+        u0, v0, u1, v1 = (float(value) for value in array)
+        if not np.isfinite(array.astype(float)).all() or u1 <= u0 or v1 <= v0:
+            raise ImageError("box must be (u0, v0, u1, v1) with u0 < u1 and v0 < v1", key="mask", value=mask)
+        if u1 < 0 or v1 < 0 or u0 > width or v0 > height:
+            raise ImageError(f"box lies outside the picture of {width} x {height}", key="mask", value=mask)
+        return None, (u0, v0, u1, v1)
+    if array.shape != (height, width):
+        raise ImageError(
+            f"must be ({height}, {width}) or a box (u0, v0, u1, v1)", key="mask", value=array.shape
+        )
+    if array.dtype != bool:
+        values = np.unique(array)
+        if len(values) > 2 or values[0] != 0:
+            raise ImageError("must be bool, or 0 and one other value", key="mask", value=str(array.dtype))
+        array = array != 0
+    if not array.any():
+        raise ImageError("is empty: no pixel belongs to the object", key="mask")
+    rows, columns = np.nonzero(array.any(1))[0], np.nonzero(array.any(0))[0]
+    return array, (float(columns[0]), float(rows[0]), float(columns[-1]), float(rows[-1]))
+
+
+def _checked_depth(depth, width: int, height: int) -> Float[np.ndarray, "h w"]:
+    array = np.asarray(depth)
+    if array.shape != (height, width):
+        raise ImageError(f"must be ({height}, {width})", key="depth", value=array.shape)
+    if array.dtype.kind not in "fiu":
+        raise ImageError("must hold numbers", key="depth", value=str(array.dtype))
+    array = np.where(np.isfinite(array), array, 0).astype(float)
+    measured = array[array > 0]
+    if measured.size and np.median(measured) > 50:
+        raise ImageError(
+            "looks like millimetres, not metres",
+            key="depth",
+            value=f"median {np.median(measured):.0f}",
+            fix="Divide by 1000",
+        )
+    return array

@@ -1,0 +1,156 @@
+"""Joint refinement of pose and latent by Gauss-Newton on predicted flow and offsets.
+
+Unknowns are a turn about the object's origin, a shift (camera frame) and the latent. Their
+residuals: where each canonical point, displaced by the shape and placed by the pose, is seen
+(flow), how far it was displaced (offsets), and the priors. The method goes beyond the paper,
+which keeps the told pose; its shape-only least squares (eq. 13) is `refine_pose=False`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from grasptransfer.camera import Camera
+
+# Neighbouring cells err together: all cells count as much as this many independent ones.
+INDEPENDENT_CELLS = 40.0
+ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class PosePrior:
+    """How far the told pose may be wrong: standard deviations.
+
+    Args:
+        rotation: about each axis [rad].
+        translation: along each axis [m].
+    """
+
+    rotation: float = np.deg2rad(4.0)
+    translation: float = 0.02
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the network says of the visible canonical points.
+
+    Args:
+        offsets: (c, 3) displacement, object axes [m].
+        offset_scale: (c,) Laplace scale of their errors [m].
+        pixels: (c, 2) where the displaced points are seen in the zoomed picture [px].
+        pixel_scale: (c,) Laplace scale of their errors [px].
+    """
+
+    offsets: Float[np.ndarray, "c 3"]
+    offset_scale: Float[np.ndarray, "c"]
+    pixels: Float[np.ndarray, "c 2"]
+    pixel_scale: Float[np.ndarray, "c"]
+
+
+@dataclass(frozen=True)
+class PoseAndShape:
+    """Result: refined pose, latent and their joint posterior covariance.
+
+    Args:
+        covariance: (6 + k, 6 + k) over turn [rad], shift [m] and latent; 0 for a pose that was kept.
+        converged: whether the last step was small.
+    """
+
+    camera_from_object: Float[np.ndarray, "4 4"]
+    latent: Float[np.ndarray, "k"]
+    covariance: Float[np.ndarray, "s s"]
+    converged: bool
+
+
+def fit_pose_and_shape(
+    motion: Motion,
+    points: Float[np.ndarray, "c 3"],
+    model: tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 3 k"]],
+    *,
+    camera: Camera,
+    told_pose: Float[np.ndarray, "4 4"],
+    start_pose: Float[np.ndarray, "4 4"],
+    pose_prior: PosePrior | None,
+) -> PoseAndShape:
+    """Maximise the posterior of pose and latent.
+
+    Args:
+        points: (c, 3) canonical points of the cells [m].
+        model: mean and basis of their displacement [m], `ShapeSpace.displacement_model(points)`.
+        camera: of the zoomed picture.
+        told_pose: `camera_from_object` that the prior is about.
+        start_pose: `camera_from_object` to start from.
+        pose_prior: None keeps the start pose and uses the offsets alone.
+    """
+    mean, basis = model
+    size = basis.shape[2]
+    pose, latent = start_pose.copy(), np.zeros(size)
+    prior = np.ones(6 + size)
+    if pose_prior is not None:
+        prior[:3], prior[3:6] = pose_prior.rotation**-2, pose_prior.translation**-2
+    free = slice(0, None) if pose_prior is not None else slice(6, None)
+    covariance, converged = np.zeros((6 + size, 6 + size)), False
+    for _ in range(ITERATIONS):
+        hessian, gradient = _offset_terms(motion, mean, basis, latent)
+        if pose_prior is not None:
+            flow = _flow_terms(motion, points + mean + basis @ latent, basis, camera, pose)
+            hessian, gradient = hessian + flow[0], gradient + flow[1]
+        hessian[np.diag_indices(6 + size)] += prior
+        gradient += prior * np.concatenate([_drift(told_pose, pose), latent])
+        covariance[free, free] = np.linalg.inv(hessian[free, free])
+        step = np.zeros(6 + size)
+        step[free] = -covariance[free, free] @ gradient[free]
+        pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ pose[:3, :3]
+        pose[:3, 3] += step[3:6]
+        latent = latent + step[6:]
+        converged = bool(np.abs(step[6:]).max() < 1e-3)
+        if converged:
+            break
+    return PoseAndShape(pose, latent, covariance, converged)
+
+
+def _drift(told_pose, pose) -> Float[np.ndarray, "6"]:
+    """Turn [rad] and shift [m] that take the told pose to `pose`."""
+    turn = Rotation.from_matrix(pose[:3, :3] @ told_pose[:3, :3].T).as_rotvec()
+    return np.concatenate([turn, pose[:3, 3] - told_pose[:3, 3]])
+
+
+def _offset_terms(motion: Motion, mean, basis, latent):
+    """Hessian and gradient of the offset residuals; the pose does not enter."""
+    size = basis.shape[2]
+    residual = mean + basis @ latent - motion.offsets
+    weight = _laplace_weight(residual, motion.offset_scale)
+    rows = basis * weight[:, None, None]
+    hessian, gradient = np.zeros((6 + size, 6 + size)), np.zeros(6 + size)
+    hessian[6:, 6:] = np.einsum("cdk,cdl->kl", rows, basis)
+    gradient[6:] = np.einsum("cdk,cd->k", rows, residual)
+    return hessian, gradient
+
+
+def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
+    """Hessian and gradient of the flow residuals over turn, shift and latent."""
+    turned = shaped @ pose[:3, :3].T
+    seen = turned + pose[:3, 3]
+    residual = camera.project(seen) - motion.pixels
+    weight = _laplace_weight(residual, motion.pixel_scale)
+    projection = np.zeros((len(seen), 2, 3))  # d pixel / d camera point
+    projection[:, 0, 0], projection[:, 1, 1] = camera.fx / seen[:, 2], camera.fy / seen[:, 2]
+    projection[:, 0, 2] = -camera.fx * seen[:, 0] / seen[:, 2] ** 2
+    projection[:, 1, 2] = -camera.fy * seen[:, 1] / seen[:, 2] ** 2
+    by_turn = np.cross(np.eye(3)[None], turned[:, None]).transpose(0, 2, 1)  # d (w x p) / d w
+    by_latent = np.einsum("ij,cjk->cik", pose[:3, :3], basis)
+    by_shift = np.broadcast_to(np.eye(3), by_turn.shape)
+    jacobian = projection @ np.concatenate([by_turn, by_shift, by_latent], axis=2)
+    rows = jacobian * weight[:, None, None]
+    return np.einsum("cdk,cdl->kl", rows, jacobian), np.einsum("cdk,cd->k", rows, residual)
+
+
+def _laplace_weight(
+    residual: Float[np.ndarray, "c d"], scale: Float[np.ndarray, "c"]
+) -> Float[np.ndarray, "c"]:
+    """Weights with which least squares fits Laplace errors, of few independent cells."""
+    length = np.linalg.norm(residual, axis=1)
+    share = min(1.0, INDEPENDENT_CELLS / max(len(length), 1))
+    return share / (scale * np.sqrt(length**2 + scale**2))

@@ -1,0 +1,231 @@
+"""Offscreen pictures of meshes by pyrender: RGB, coverage, depth and positions.
+
+pyrender is OpenGL (the camera looks along -z) and counts pixels from their corners;
+everything else here is OpenCV with pixel centres at whole numbers. Both are converted
+in `_Stage.aim`, and nowhere else.
+"""
+
+import ctypes.util
+import os
+import sys
+from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Float32, UInt8
+
+from grasptransfer.camera import Camera
+from grasptransfer.errors import GraspTransferError
+from grasptransfer.frames import OPENGL_FROM_OPENCV, invert, transform_points
+
+if sys.platform == "linux":
+    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")  # read once, when OpenGL is imported
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Lights of a picture.
+
+    Args:
+        ambient: strength of the light from everywhere.
+        directions_camera: (lights, 3) where each light comes from, camera frame.
+        colours: (lights, 3) linear RGB times intensity of each directional light.
+    """
+
+    ambient: float = 0.35
+    directions_camera: Float[np.ndarray, "lights 3"] = field(
+        default_factory=lambda: np.array([[-0.4, -0.7, -0.6], [0.7, -0.2, -0.7]])
+    )
+    colours: Float[np.ndarray, "lights 3"] = field(
+        default_factory=lambda: np.array([[2.6, 2.6, 2.5], [1.2, 1.2, 1.3]])
+    )
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """One picture of an object.
+
+    Args:
+        rgb: (h, w, 3) the object over black.
+        alpha: (h, w) coverage in [0, 1]; between them where the object lets light through.
+        depth: (h, w) metres along the optical axis, 0 where there is no object.
+    """
+
+    rgb: UInt8[np.ndarray, "h w 3"]
+    alpha: Float32[np.ndarray, "h w"]
+    depth: Float32[np.ndarray, "h w"]
+
+    @property
+    def mask(self) -> Bool[np.ndarray, "h w"]:
+        """(h, w) where the object is."""
+        return self.depth > 0
+
+    def over(self, background: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+        """The object in front of `background`."""
+        mixed = self.rgb + background * (1 - self.alpha[..., None])
+        return np.clip(np.round(mixed), 0, 255).astype(np.uint8)
+
+
+def position_image(
+    depth: Float32[np.ndarray, "h w"], camera: Camera, camera_from_object: Float[np.ndarray, "4 4"]
+) -> Float32[np.ndarray, "h w 3"]:
+    """Object-frame position [m] of each pixel's surface point; NaN where depth is 0."""
+    v, u = np.mgrid[0 : depth.shape[0], 0 : depth.shape[1]]
+    points_camera = camera.unproject(np.stack([u, v], -1).astype(float), depth.astype(float))
+    positions = transform_points(invert(camera_from_object), points_camera)
+    positions[depth <= 0] = np.nan
+    return positions.astype(np.float32)
+
+
+class Renderer:
+    """Keeps one OpenGL context and the uploaded meshes warm. One per process; use as a context manager."""
+
+    def __init__(self):
+        pyrender = _pyrender()
+        self._context = pyrender.OffscreenRenderer(64, 64)
+        self._stages: dict[int, tuple[object, _Stage]] = {}
+
+    def __enter__(self) -> "Renderer":
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        """Free the OpenGL context."""
+        self._context.delete()
+
+    def depth(
+        self,
+        mesh: trimesh.Trimesh | trimesh.Scene,
+        camera: Camera,
+        camera_from_object: Float[np.ndarray, "4 4"],
+    ) -> Float32[np.ndarray, "h w"]:
+        """Depth [m] of `mesh`, 0 where there is none: much quicker than a full picture."""
+        stage = self._stage(mesh)
+        stage.aim(camera, camera_from_object)
+        self._resize(camera)
+        return self._draw_depth(stage)
+
+    def render(
+        self,
+        mesh: trimesh.Trimesh | trimesh.Scene,
+        camera: Camera,
+        camera_from_object: Float[np.ndarray, "4 4"],
+        *,
+        lighting: Lighting | None = None,
+    ) -> Rendering:
+        """Picture of `mesh` (object frame, metres) seen by `camera`.
+
+        Edges are antialiased: `alpha` is the share of each pixel that is covered. A mesh with
+        see-through parts is drawn over black and over white; the difference is its coverage.
+        """
+        stage = self._stage(mesh)
+        stage.light(lighting or Lighting())
+        stage.aim(camera, camera_from_object)
+        self._resize(camera)
+        rgba = self._draw_colour(stage, [0.0, 0.0, 0.0, 0.0])
+        alpha = rgba[..., 3].astype(np.float32) / 255
+        if stage.transparent:
+            # Blending writes alpha squared into the alpha channel, so it cannot be read there.
+            over_white = self._draw_colour(stage, [1.0, 1.0, 1.0, 1.0])
+            clear = (over_white[..., :3].astype(np.float32) - rgba[..., :3]).mean(-1) / 255
+            alpha = np.clip(1 - clear, 0, 1)
+        return Rendering(rgba[..., :3], alpha, self._draw_depth(stage))
+
+    def _draw_colour(self, stage: "_Stage", background: list[float]) -> UInt8[np.ndarray, "h w 4"]:
+        stage.scene.bg_color = np.array(background)
+        return self._context.render(stage.scene, flags=_pyrender().RenderFlags.RGBA)[0]
+
+    def _draw_depth(self, stage: "_Stage") -> Float32[np.ndarray, "h w"]:
+        # Segmentation is pyrender's only pass without multisampling, whose depth would belong
+        # to a point up to 0.4 px beside the pixel's centre.
+        nodes = {node: 255 for node in stage.scene.mesh_nodes}
+        return self._context.render(stage.scene, flags=_pyrender().RenderFlags.SEG, seg_node_map=nodes)[1]
+
+    def _resize(self, camera: Camera):
+        self._context.viewport_width, self._context.viewport_height = camera.width, camera.height
+
+    def _stage(self, mesh: trimesh.Trimesh | trimesh.Scene) -> "_Stage":
+        # The mesh itself is kept beside its stage: an id is unique only while its object lives.
+        known = self._stages.get(id(mesh))
+        if known is None:
+            while len(self._stages) >= 8:
+                self._stages.pop(next(iter(self._stages)))
+            known = self._stages[id(mesh)] = (mesh, _Stage(mesh))
+        return known[1]
+
+
+class _Stage:
+    """A pyrender scene with one object, a camera and lights."""
+
+    def __init__(self, mesh: trimesh.Trimesh | trimesh.Scene):
+        pyrender = _pyrender()
+        self.scene = pyrender.Scene(bg_color=[0, 0, 0, 1.0], ambient_light=[0.3] * 3)
+        self.transparent = False
+        self.radius = 0.0
+        for part in mesh.dump() if isinstance(mesh, trimesh.Scene) else [mesh]:
+            drawable = pyrender.Mesh.from_trimesh(part, smooth=_is_smooth(part))
+            self.transparent |= any(primitive.is_transparent for primitive in drawable.primitives)
+            for primitive in drawable.primitives:
+                primitive.material.doubleSided = True
+            self.radius = max(self.radius, float(np.linalg.norm(part.vertices, axis=1).max()))
+            self.scene.add(drawable)
+        self.camera_node = None
+        self.light_nodes: list = []
+
+    def aim(self, camera: Camera, camera_from_object: Float[np.ndarray, "4 4"]):
+        pyrender = _pyrender()
+        distance = camera_from_object[2, 3]
+        lens = pyrender.IntrinsicsCamera(
+            camera.fx,
+            camera.fy,
+            camera.cx + 0.5,
+            camera.cy + 0.5,
+            znear=max(distance - 1.1 * self.radius, 0.01),
+            zfar=distance + 1.1 * self.radius,
+        )
+        pose = invert(camera_from_object) @ OPENGL_FROM_OPENCV
+        if self.camera_node is not None:
+            self.scene.remove_node(self.camera_node)
+        self.camera_node = self.scene.add(lens, pose=pose)
+        for node, camera_from_light in self.light_nodes:
+            self.scene.set_pose(node, invert(camera_from_object) @ camera_from_light)
+
+    def light(self, lighting: Lighting):
+        pyrender = _pyrender()
+        for node, _ in self.light_nodes:
+            self.scene.remove_node(node)
+        self.scene.ambient_light = np.full(3, lighting.ambient)
+        self.light_nodes = []
+        for direction, colour in zip(lighting.directions_camera, lighting.colours, strict=True):
+            intensity = float(np.max(colour))
+            light = pyrender.DirectionalLight(color=colour / max(intensity, 1e-9), intensity=intensity)
+            self.light_nodes.append((self.scene.add(light), _pose_shining_from(direction)))
+
+
+def _pose_shining_from(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
+    """A pose whose z axis points to where the light comes from (an OpenGL light shines along -z)."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    return pose
+
+
+def _is_smooth(mesh: trimesh.Trimesh) -> bool:
+    # Scans and textured meshes bring their normals; a coarse untextured one looks better faceted.
+    return mesh.visual.kind == "texture" or len(mesh.faces) > 2000
+
+
+def _pyrender():
+    for library, package in (("EGL", "libegl1"), ("GL", "libgl1")):
+        if os.environ.get("PYOPENGL_PLATFORM") == "egl" and ctypes.util.find_library(library) is None:
+            raise GraspTransferError(
+                f"the system library {library}, needed to render without a display, is missing",
+                fix=f"sudo apt-get install {package} libgl1-mesa-dri",
+            )
+    import pyrender
+
+    return pyrender

@@ -1,0 +1,226 @@
+"""Training: one process or several (torchrun), CPU or CUDA, resumable after a kill."""
+
+import csv
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.nn.parallel import DistributedDataParallel
+
+from grasptransfer.category import load_category
+from grasptransfer.errors import SettingsError
+from grasptransfer.perception.augmentation import training_batch
+from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
+from grasptransfer.perception.losses import training_loss
+from grasptransfer.perception.networks import build_network
+from grasptransfer.perception.prefetch import prefetch
+from grasptransfer.perception.weights import WeightsInfo, save_weights
+
+HELD_OUT_SEED = 1_000_003  # held-out shapes come from another seed than the training ones
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Settings of one training run.
+
+    Args:
+        categories: trained together in one network.
+        network: see `networks.network_names`.
+        loss: see `losses.LOSSES`.
+        samples: rendered training samples.
+        held_out: rendered samples of other shapes, to watch.
+        steps: optimiser steps.
+        batch: samples a step, over all processes.
+        learning_rate: peak of the one-cycle schedule.
+        weight_decay: of AdamW.
+        seed: of everything random.
+    """
+
+    categories: tuple[str, ...]
+    network: str = "compact"
+    loss: str = "likelihood"
+    samples: int = 20_000
+    held_out: int = 512
+    steps: int = 6000
+    batch: int = 16
+    learning_rate: float = 1.2e-3
+    weight_decay: float = 0.02
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a run reports as it goes."""
+
+    step: int
+    steps: int
+    terms: dict[str, float]
+    samples_per_second: float
+
+
+def train(
+    config: TrainingConfig,
+    *,
+    run_folder: Path,
+    output: Path,
+    device: str = "auto",
+    workers: int = 2,
+    on_render: Callable[[int, int], None] | None = None,
+    on_step: Callable[[Progress], None] | None = None,
+) -> dict[str, float]:
+    """Render what is missing, train (or go on where a killed run stopped) and write the weights.
+
+    Args:
+        run_folder: data sets, checkpoints and `log.csv`.
+        output: the `.safetensors` file, replaced once training is complete.
+
+    Returns:
+        Mean errors on the held-out samples.
+    """
+    rank, world = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
+    run_folder.mkdir(parents=True, exist_ok=True)
+    if world > 1 and not torch.distributed.is_initialized():
+        torch.distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+    if rank == 0:
+        _data_sets(config, run_folder, workers, on_render)
+    if world > 1:
+        torch.distributed.barrier()
+    training_set, held_out_set = _data_sets(config, run_folder, workers, None)
+    run = _Run(config, run_folder, torch.device(choose_device(device)), rank, world)
+    batches = prefetch(lambda step: run.batch_of(step, training_set), range(run.step, config.steps))
+    clock, since = time.monotonic(), run.step
+    for inputs, targets in batches:
+        terms = run.advance(inputs, targets)
+        if rank == 0 and (run.step % 50 == 0 or run.step == config.steps):
+            speed = (run.step - since) * config.batch / (time.monotonic() - clock)
+            clock, since = time.monotonic(), run.step
+            values = {name: float(value) for name, value in terms.items()}
+            run.log(values)
+            if on_step:
+                on_step(Progress(run.step, config.steps, values, speed))
+        if rank == 0 and run.step % 250 == 0:
+            run.save()
+    scores = evaluate(run.network, held_out_set, config)
+    if rank == 0:
+        run.save()
+        checksums = {name: load_category(name).canonical_sha256 for name in config.categories}
+        save_weights(output, run.network, WeightsInfo(config.network, checksums))
+    return scores
+
+
+def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig) -> dict[str, float]:
+    """Mean held-out terms, with augmentation of a fixed seed."""
+    rng = np.random.default_rng(HELD_OUT_SEED)
+    network.eval()
+    device = next(network.parameters()).device
+    collected: list[dict[str, float]] = []
+    with torch.inference_mode():
+        for start in range(0, len(held_out) - config.batch + 1, config.batch):
+            inputs, targets = training_batch(held_out, np.arange(start, start + config.batch), rng)
+            targets = {name: value.to(device) for name, value in targets.items()}
+            with torch.autocast(device.type, dtype=torch.bfloat16):
+                prediction = network(inputs.to(device))
+            collected.append(
+                {k: float(v) for k, v in training_loss(prediction, targets, config.loss).items()}
+            )
+    network.train()
+    return {name: float(np.mean([terms[name] for terms in collected])) for name in collected[0]}
+
+
+class _Run:
+    """Network, optimiser and schedule, restored from the last checkpoint of the folder."""
+
+    def __init__(self, config: TrainingConfig, folder: Path, device: torch.device, rank: int, world: int):
+        torch.manual_seed(config.seed)
+        self.config, self.folder, self.device, self.rank, self.world = config, folder, device, rank, world
+        self.network = build_network(config.network).to(device, memory_format=torch.channels_last)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
+        )
+        self.schedule = torch.optim.lr_scheduler.OneCycleLR(
+            self.optimiser, config.learning_rate, total_steps=config.steps + 1, pct_start=0.08
+        )
+        self.step = 0
+        self._restore()
+        self.parallel = DistributedDataParallel(self.network) if world > 1 else self.network
+
+    def batch_of(self, step: int, dataset: Dataset):
+        # Every batch follows from its step alone, so a resumed run sees what an unbroken one would.
+        rng = np.random.default_rng([self.config.seed, 4, step, self.rank])
+        indices = rng.integers(len(dataset), size=self.config.batch // self.world)
+        return training_batch(dataset, np.sort(indices), rng)
+
+    def advance(self, inputs, targets) -> dict[str, torch.Tensor]:
+        inputs = inputs.to(self.device, memory_format=torch.channels_last)
+        targets = {name: value.to(self.device) for name, value in targets.items()}
+        with torch.autocast(self.device.type, dtype=torch.bfloat16):
+            prediction = self.parallel(inputs)
+        terms = training_loss(prediction, targets, self.config.loss)
+        self.optimiser.zero_grad(set_to_none=True)
+        terms["total"].backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
+        self.optimiser.step()
+        self.schedule.step()
+        self.step += 1
+        return terms
+
+    def save(self):
+        state = {
+            "config": json.dumps(asdict(self.config)),
+            "step": self.step,
+            "network": self.network.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "schedule": self.schedule.state_dict(),
+        }
+        unfinished = self.folder / "checkpoint.part"
+        torch.save(state, unfinished)
+        os.replace(unfinished, self.folder / "checkpoint.pt")
+
+    def log(self, terms: dict[str, float]):
+        path = self.folder / "log.csv"
+        fresh = not path.exists()
+        with path.open("a", newline="") as file:
+            writer = csv.writer(file)
+            if fresh:
+                writer.writerow(["step", *terms])
+            writer.writerow([self.step, *(f"{value:.5g}" for value in terms.values())])
+
+    def _restore(self):
+        path = self.folder / "checkpoint.pt"
+        if not path.exists():
+            return
+        state = torch.load(path, map_location=self.device, weights_only=True)
+        if json.loads(state["config"]) != json.loads(json.dumps(asdict(self.config))):
+            raise SettingsError(
+                "holds a run with other settings",
+                path=path,
+                fix="Choose another run folder, or delete this one",
+            )
+        self.network.load_state_dict(state["network"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.schedule.load_state_dict(state["schedule"])
+        self.step = state["step"]
+
+
+def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) -> tuple[Dataset, Dataset]:
+    training = DatasetConfig(config.categories, config.samples, config.seed)
+    held_out = DatasetConfig(config.categories, config.held_out, config.seed + HELD_OUT_SEED, 200, 60)
+    folders = [
+        build_dataset(part, folder / "data", workers=workers, progress=on_render)
+        for part in (training, held_out)
+    ]
+    return Dataset(folders[0]), Dataset(folders[1])
+
+
+def choose_device(device: str) -> str:
+    """ "cpu" or "cuda"; "auto" takes a GPU where there is one."""
+    if device == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    if device not in ("cpu", "cuda"):
+        raise SettingsError("unknown device", key="device", value=device, choices=["auto", "cpu", "cuda"])
+    return device

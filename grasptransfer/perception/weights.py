@@ -1,0 +1,116 @@
+"""Trained networks on disk: safetensors with what they were trained for, checked by checksum."""
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from grasptransfer.category import objects_folder
+from grasptransfer.errors import WeightsError
+
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class WeightsInfo:
+    """What a weight file says of itself.
+
+    Args:
+        network: name for `build_network`.
+        categories: canonical checksum of each category it was trained on.
+    """
+
+    network: str
+    categories: dict[str, str]
+
+
+def save_weights(path: Path, network, info: WeightsInfo):
+    """Write half-precision weights, with the checksum of the tensors in the header."""
+    import torch
+    from safetensors.torch import save_file
+
+    tensors = {
+        name: tensor.detach().to(torch.float16).contiguous() for name, tensor in network.state_dict().items()
+    }
+    header = {
+        "format_version": str(FORMAT_VERSION),
+        "network": info.network,
+        "categories": json.dumps(info.categories),
+        "sha256": _digest(tensors),
+    }
+    unfinished = path.with_name(path.name + ".part")
+    save_file(tensors, unfinished, metadata=header)
+    os.replace(unfinished, path)
+
+
+def load_weights(path: Path):
+    """The network (evaluation mode, float32) and its `WeightsInfo`.
+
+    Raises:
+        WeightsError: missing, unreadable, of another version, or its checksum does not match.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    from grasptransfer.perception.networks import build_network, network_names
+
+    if not path.is_file():
+        raise WeightsError("trained weights are missing", path=path, fix="Train them: grasptransfer train")
+    try:
+        with safe_open(path, "pt") as file:
+            header = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError) as error:
+        raise WeightsError(f"is corrupt: {error}", path=path, fix="Get the file again") from error
+    if header.get("format_version") != str(FORMAT_VERSION):
+        raise WeightsError(
+            "unknown format",
+            path=path,
+            key="format_version",
+            value=header.get("format_version"),
+            choices=[FORMAT_VERSION],
+        )
+    if _digest(tensors) != header.get("sha256"):
+        raise WeightsError("is corrupt: the checksum does not match", path=path, fix="Get the file again")
+    if header["network"] not in network_names():
+        raise WeightsError("unknown network", path=path, value=header["network"], choices=network_names())
+    network = build_network(header["network"])
+    network.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
+    return network.eval(), WeightsInfo(header["network"], json.loads(header["categories"]))
+
+
+def find_weights(category: str) -> Path:
+    """The weight file that serves a category.
+
+    Raises:
+        WeightsError: none does; names the categories that have one.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    folder = objects_folder() / "models"
+    served: list[str] = []
+    for path in sorted(folder.glob("*.safetensors")):
+        try:
+            with safe_open(path, "pt") as file:
+                names = list(json.loads((file.metadata() or {}).get("categories", "{}")))
+        except (SafetensorError, OSError) as error:
+            raise WeightsError(f"is corrupt: {error}", path=path, fix="Get the file again") from error
+        if category in names:
+            return path
+        served += names
+    raise WeightsError(
+        "no trained network for this category",
+        path=folder,
+        key="category",
+        value=category,
+        choices=served,
+        fix=f"Train one: grasptransfer train {category}",
+    )
+
+
+def _digest(tensors) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        digest.update(name.encode())
+        digest.update(tensors[name].numpy().tobytes())
+    return digest.hexdigest()

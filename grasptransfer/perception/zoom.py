@@ -1,0 +1,64 @@
+"""The zoom of the paper (section IV-B): one box that holds both objects, cut from the picture and resized."""
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image
+
+from grasptransfer.camera import Camera
+from grasptransfer.frames import transform_points
+
+ZOOM_WIDTH, ZOOM_HEIGHT = 256, 192  # the network's input [px]
+MARGIN = 1.15  # the box is this much larger than what it must hold
+
+Box = tuple[float, float, float, float]
+
+
+def projected_box(
+    points_object: Float[np.ndarray, "m 3"], camera: Camera, camera_from_object: Float[np.ndarray, "4 4"]
+) -> Box:
+    """(u0, v0, u1, v1) in pixels around the projection of `points_object` [m]."""
+    pixels = camera.project(transform_points(camera_from_object, points_object))
+    u0, v0 = pixels.min(0)
+    u1, v1 = pixels.max(0)
+    return float(u0), float(v0), float(u1), float(v1)
+
+
+def union(a: Box, b: Box) -> Box:
+    """The smallest box that holds both."""
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
+
+
+def enlarge(box: Box, factor: float) -> Box:
+    """The box about the same centre with sides `factor` times as long."""
+    u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
+    half_u, half_v = (box[2] - box[0]) / 2 * factor, (box[3] - box[1]) / 2 * factor
+    return u - half_u, v - half_v, u + half_u, v + half_v
+
+
+def zoom_box(box: Box) -> Box:
+    """The box of the network's aspect ratio around `box`, with a margin."""
+    u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
+    width = max(box[2] - box[0], (box[3] - box[1]) * ZOOM_WIDTH / ZOOM_HEIGHT, 8.0) * MARGIN
+    height = width * ZOOM_HEIGHT / ZOOM_WIDTH
+    return u - width / 2, v - height / 2, u + width / 2, v + height / 2
+
+
+def zoom_camera(camera: Camera, box: Box) -> Camera:
+    """The camera of the zoomed picture."""
+    return camera.crop(box, ZOOM_WIDTH, ZOOM_HEIGHT)
+
+
+def zoom_picture(image: UInt8[np.ndarray, "h w 3"], box: Box) -> UInt8[np.ndarray, "192 256 3"]:
+    """Cut `box` out of the picture and resize it bilinearly (antialiased where it shrinks).
+
+    What lies outside the picture repeats its border.
+    """
+    u0, v0, u1, v1 = (value + 0.5 for value in box)  # from pixel centres to outer edges
+    height, width = image.shape[:2]
+    left, top = max(0, int(np.ceil(-u0))), max(0, int(np.ceil(-v0)))
+    right, bottom = max(0, int(np.ceil(u1 - width))), max(0, int(np.ceil(v1 - height)))
+    if left or top or right or bottom:
+        image = np.pad(image, ((top, bottom), (left, right), (0, 0)), mode="edge")
+    corners = (u0 + left, v0 + top, u1 + left, v1 + top)
+    size = (ZOOM_WIDTH, ZOOM_HEIGHT)
+    return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.BILINEAR, box=corners))

@@ -1,0 +1,70 @@
+"""A room imports only from rooms above it, and importing the package stays light."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "grasptransfer"
+ROOMS = [
+    {"errors"},
+    {"frames"},
+    {"camera"},
+    {"registration"},
+    {"category"},
+    {"shapes"},
+    {"perception"},
+    {"grasping"},
+    {"simulation"},
+    {"transfer"},
+    {"benchmark", "report", "annotator"},
+    {"cli", "__init__", "__main__"},
+]
+LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+def _room(path: Path) -> str:
+    relative = path.relative_to(PACKAGE)
+    return relative.parts[0].removesuffix(".py")
+
+
+def _imported_rooms(path: Path) -> set[str]:
+    rooms = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            names = [node.module or ""]
+            if node.module == "grasptransfer":
+                names = [f"grasptransfer.{alias.name}" for alias in node.names if alias.name != "__version__"]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        else:
+            continue
+        rooms |= {name.split(".")[1] for name in names if name.startswith("grasptransfer.")}
+    return rooms
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_room_imports_only_from_rooms_above_it(path):
+    room = _room(path)
+    assert room in LEVEL, f"{path} lies in no known room"
+    if room in ("__init__", "cli", "__main__"):
+        return
+    below = {name for name in _imported_rooms(path) if name != room and LEVEL[name] >= LEVEL[room]}
+    beside = {name for name in below if LEVEL[name] == LEVEL[room] and room in ("benchmark", "report")}
+    assert below - beside == set(), f"{room} imports from {below - beside}"
+
+
+def test_importing_the_package_loads_no_heavy_library():
+    heavy = ["torch", "pybullet", "pyrender", "fcl", "viser", "matplotlib", "numba", "pyglet"]
+    code = f"import sys, grasptransfer; print([m for m in {heavy} if m in sys.modules])"
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert output.stdout.strip() == "[]"
+
+
+def test_no_module_is_named_after_nothing():
+    names = {path.stem for path in MODULES}
+    assert not names & {"utils", "util", "common", "helpers", "misc"}

@@ -1,0 +1,102 @@
+"""Every wrong picture, mask, depth and pose is refused with its reason; lossless ones are converted."""
+
+import logging
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from grasptransfer.camera import Camera
+from grasptransfer.errors import GraspTransferError, ImageError, PoseError
+from grasptransfer.frames import rigid
+from grasptransfer.perception.observation import observe, read_image
+
+RGB = np.random.default_rng(0).integers(0, 255, (120, 160, 3), np.uint8)
+CAMERA = Camera.from_fov(160, 120, 1.0)
+POSE = rigid(np.eye(3), np.array([0, 0, 0.5]))
+
+
+@pytest.mark.parametrize(
+    ("image", "word"),
+    [
+        (RGB.astype(float) / 255, "uint8"),
+        (RGB.astype(np.uint16), "uint8"),
+        (RGB[:8, :8], "between"),
+        (np.zeros((0, 0, 3), np.uint8), "between"),
+        (np.zeros((40, 20_000, 3), np.uint8), "between"),
+        (np.zeros((4, 60, 60, 3), np.uint8), "shape"),
+        (np.zeros((60, 60, 2), np.uint8), "shape"),
+        (np.dstack([RGB, np.full((120, 160), 100, np.uint8)]), "see-through"),
+        (Image.fromarray(RGB).convert("CMYK"), "mode"),
+        ("no/such/picture.png", "does not exist"),
+        (12, "path"),
+    ],
+)
+def test_a_wrong_picture_is_refused(image, word):
+    with pytest.raises(ImageError, match=word):
+        observe(image, POSE, camera=None)
+
+
+def test_a_file_that_is_no_picture_is_named(tmp_path):
+    path = tmp_path / "notes.png"
+    path.write_text("hello")
+    with pytest.raises(ImageError, match=r"notes\.png"):
+        read_image(path)
+
+
+def test_grey_and_opaque_rgba_are_converted_with_a_note(caplog):
+    with caplog.at_level(logging.WARNING):
+        grey = read_image(RGB[..., 0])
+        opaque = read_image(np.dstack([RGB, np.full((120, 160), 255, np.uint8)]))
+    assert "grey" in caplog.text
+    assert "alpha" in caplog.text
+    np.testing.assert_array_equal(grey, np.repeat(RGB[..., :1], 3, 2))
+    np.testing.assert_array_equal(opaque, RGB)
+
+
+def test_a_missing_camera_is_assumed_with_a_warning(caplog):
+    with caplog.at_level(logging.WARNING):
+        observation = observe(RGB, POSE)
+    assert "60 degrees" in caplog.text
+    assert observation.camera == Camera.from_fov(160, 120, np.deg2rad(60))
+
+
+@pytest.mark.parametrize(
+    ("translation", "word"),
+    [((0, 0, -0.5), "behind"), ((5.0, 0, 0.5), "outside"), ((0, 0, 700.0), "millimetres")],
+)
+def test_a_pose_out_of_view_is_refused(translation, word):
+    with pytest.raises(PoseError, match=word):
+        observe(RGB, rigid(np.eye(3), np.array(translation)), camera=CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"mask": np.zeros((120, 160), bool)}, "empty"),
+        ({"mask": np.zeros((10, 10), bool)}, "120"),
+        ({"mask": (50, 50, 40, 60)}, "u0 < u1"),
+        ({"mask": (1000, 1000, 1100, 1100)}, "outside"),
+        ({"depth": np.zeros((10, 10))}, "120"),
+        ({"depth": np.full((120, 160), 650.0)}, "millimetres"),
+        ({"camera": Camera.from_fov(320, 240, 1.0)}, "320 x 240"),
+        ({"camera": np.eye(4)}, "3x3"),
+    ],
+)
+def test_a_wrong_side_input_is_refused(arguments, word):
+    with pytest.raises(GraspTransferError, match=word):
+        observe(RGB, POSE, **({"camera": CAMERA} | arguments))
+
+
+def test_a_mask_gives_its_box():
+    mask = np.zeros((120, 160), np.uint8)
+    mask[20:40, 30:70] = 255
+    observation = observe(RGB, POSE, camera=CAMERA, mask=mask)
+    assert observation.box == (30, 20, 69, 39)
+    assert observation.mask.dtype == bool
+
+
+def test_missing_depth_becomes_zero():
+    depth = np.full((120, 160), 0.7)
+    depth[:5] = np.nan
+    assert (observe(RGB, POSE, camera=CAMERA, depth=depth).depth[:5] == 0).all()
