@@ -139,6 +139,31 @@ def sweep(
     return tube(capped(rings), v=np.concatenate([[0.0], rows, [1.0]]), creases=(1, len(path)))
 
 
+def loft(
+    heights: Float[np.ndarray, "r"],
+    sections: Float[np.ndarray, "r c 2"],
+    *,
+    v: Float[np.ndarray, "r"] | None = None,
+    creases: Sequence[int] = (),
+) -> Surface:
+    """Level outlines [m] stacked along z, with flat ends.
+
+    Args:
+        heights: z of each row [m], rising.
+        sections: outline of each row [m], counter-clockwise seen from above.
+        v: texture coordinate of each row; by height if None. The caps take what is left below and above.
+        creases: rows with a sharp edge.
+    """
+    rings = np.concatenate([sections, np.broadcast_to(heights[:, None, None], (*sections.shape[:2], 1))], -1)
+    rows = np.interp(heights, heights[[0, -1]], [0.03, 0.97]) if v is None else np.asarray(v, float)
+    sharp = [row + 1 for row in creases]
+    return tube(capped(rings), v=np.concatenate([[0.0], rows, [1.0]]), creases=sharp)
+
+
+# Turns a surface made along z to lie along +x: the first axis of a section becomes y, the second z.
+ALONG_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
 def circle(columns: int, start: float = 0.0) -> Float[np.ndarray, "c 2"]:
     """Unit circle, counter-clockwise from angle `start` [rad]."""
     angle = start + np.arange(columns) * (2 * np.pi / columns)
