@@ -51,7 +51,7 @@ def draw_frames(gripper: Gripper, path: str | Path) -> Path:
 
     path = Path(path)
     figure = Figure(figsize=(11, 5.5), layout="constrained")
-    for i, (elevation, azimuth, title) in enumerate(((5, -90, "along +y"), (5, 0, "along -x"))):
+    for i, (elevation, azimuth, title) in enumerate(((5, -90, "along -y"), (5, 0, "along -x"))):
         axes = figure.add_subplot(1, 2, i + 1, projection="3d", proj_type="ortho")
         _draw(axes, gripper)
         axes.view_init(elevation, azimuth)
@@ -66,22 +66,17 @@ def _draw(axes, gripper: Gripper) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     light = np.array([0.35, -0.75, 0.55])
+    upright = np.array([1.0, -1.0, -1.0])  # half a turn about x: the approach points down in the picture
     meshes = gripper.link_meshes(gripper.max_width, visual=True)
     for i, mesh in enumerate(meshes.values()):
-        shade = 0.55 + 0.45 * np.abs(mesh.face_normals @ light)
+        shade = (0.55 + 0.45 * np.abs((mesh.face_normals * upright) @ light)).clip(0, 1)
         colour = np.array([0.75, 0.78, 0.82] if i == 0 else [0.45, 0.5, 0.56])
-        axes.add_collection3d(Poly3DCollection(mesh.triangles, facecolors=shade[:, None].clip(0, 1) * colour))
-    for direction, colour in zip(np.eye(3) * AXIS_LENGTH, ("red", "green", "blue"), strict=True):
+        axes.add_collection3d(Poly3DCollection(mesh.triangles * upright, facecolors=shade[:, None] * colour))
+    for direction, colour in zip(np.eye(3) * AXIS_LENGTH * upright, ("red", "green", "blue"), strict=True):
         axes.plot(*np.stack([np.zeros(3), direction]).T, color=colour, linewidth=2.5, zorder=10)
-    corners = np.concatenate([mesh.bounds for mesh in meshes.values()])
-    low, high = corners.min(axis=0), np.maximum(corners.max(axis=0), AXIS_LENGTH)
+    corners = np.concatenate([mesh.bounds for mesh in meshes.values()]) * upright
+    low, high = np.minimum(corners.min(axis=0), -AXIS_LENGTH), corners.max(axis=0)
     half, centre = (high - low).max() / 2, (low + high) / 2
-    axes.set(
-        xlim=(centre[0] - half, centre[0] + half),
-        ylim=(centre[1] - half, centre[1] + half),
-        zlim=(centre[2] + half, centre[2] - half),
-        xlabel="x [m]",
-        zlabel="z [m]",
-        yticks=[],
-    )
+    axes.set(**{f"{name}lim": (centre[i] - half, centre[i] + half) for i, name in enumerate("xyz")})
+    axes.set(xlabel="x [m]", zlabel="-z [m]", xticks=[-0.05, 0, 0.05], yticks=[], zticks=[0, 0.05, 0.1])
     axes.set_box_aspect((1, 1, 1))

@@ -272,7 +272,8 @@ def _opening_table(
 ) -> tuple[Float[np.ndarray, "t"], Float[np.ndarray, "t"]]:
     """Driver values and the openings that belong to them, from closed to open."""
     first = finger_joints[0]
-    drivers = np.linspace(*(np.array(limits) - first.offset) / first.ratio, TABLE_SAMPLES)
+    start, stop = ((limit - first.offset) / first.ratio for limit in limits)
+    drivers = np.linspace(start, stop, TABLE_SAMPLES)
     chains = {link.name: link for link in links}
     tcp_from_base, openings = invert(base_from_tcp), []
     for driver in drivers:

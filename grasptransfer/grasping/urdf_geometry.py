@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import GripperError
+from grasptransfer.frames import transform_points
 
 if TYPE_CHECKING:
     import trimesh
@@ -143,8 +144,12 @@ def _together(shapes: tuple[Shape, ...]) -> "trimesh.Trimesh | None":
 
     if not shapes:
         return None
-    moved = [shape.mesh.copy().apply_transform(shape.link_from_shape) for shape in shapes]
-    return trimesh.util.concatenate(moved)
+    vertices, faces, count = [], [], 0
+    for shape in shapes:
+        vertices.append(transform_points(shape.link_from_shape, shape.mesh.vertices))
+        faces.append(shape.mesh.faces + count)
+        count += len(shape.mesh.vertices)
+    return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
 
 
 def _shape(part, link: str, path: Path) -> Shape:
@@ -181,7 +186,9 @@ def _mesh(geometry, link: str, path: Path) -> "trimesh.Trimesh":
     found = next((candidate for candidate in candidates if candidate.is_file()), None)
     if found is None:
         raise GripperError("mesh file not found", path=path, key=link, value=name)
-    mesh = trimesh.load(found, force="mesh")
+    mesh = trimesh.load_mesh(found)
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise GripperError("mesh file holds no triangles", path=found, key=link)
     if geometry.scale is not None:
         mesh.apply_scale(geometry.scale)
     return mesh

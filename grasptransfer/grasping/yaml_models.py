@@ -5,6 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 import yaml
+from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from grasptransfer.errors import GraspTransferError
@@ -79,6 +80,34 @@ def check_unit_quaternion(
         )
 
 
+def dump_yaml(data: dict) -> str:
+    """YAML in the given order, short lists on one line."""
+    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
+
+
+def pose_as_data(a_from_gripper: Float[np.ndarray, "4 4"]) -> dict:
+    """`position` [m] and `orientation` (w, xyz) of a pose, as isaac_grasp writes them."""
+    w, *xyz = quaternion_of(a_from_gripper[:3, :3])
+    position = [round(float(value), 9) for value in a_from_gripper[:3, 3]]
+    orientation = {"w": round(w, 12), "xyz": [round(value, 12) for value in xyz]}
+    return {"position": position, "orientation": orientation}
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader that refuses a key given twice, where YAML would silently keep the last."""
+
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, str) and key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key!r} is given twice", key_node.start_mark
+                )
+            seen.add(str(key))
+        return super().construct_mapping(node, deep)
+
+
 def read_yaml(path: str | Path, *, error: type[GraspTransferError]) -> dict:
     """Mapping of a YAML file.
 
@@ -87,7 +116,7 @@ def read_yaml(path: str | Path, *, error: type[GraspTransferError]) -> dict:
     """
     path = Path(path)
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
     except (OSError, UnicodeDecodeError) as cause:
         raise error("cannot read the file", path=path, fix=str(cause)) from cause
     except yaml.YAMLError as cause:
@@ -122,7 +151,9 @@ def parse(
             raise error("is missing", path=path, key=where) from cause
         choices = None
         if kind == "literal_error":
-            choices = [part.strip(" '") for part in first["ctx"]["expected"].replace(" or ", ",").split(",")]
+            choices = [
+                part.strip(" '") for part in first.get("ctx", {})["expected"].replace(" or ", ",").split(",")
+            ]
         message = first["msg"].removeprefix("Value error, ")
         message = message[:1].lower() + message[1:]
         raise error(message, path=path, key=where or None, value=first["input"], choices=choices) from cause
