@@ -71,6 +71,10 @@ class PointCloudError(GraspTransferError):
     """A point cloud of the wrong shape, empty, non-finite or degenerate."""
 
 
+class FieldFileError(GraspTransferError):
+    """A deformation field or shape space on disk that is missing, corrupt or of another kind."""
+
+
 class CategoryError(GraspTransferError):
     """An unknown, broken or incomplete category."""
 
