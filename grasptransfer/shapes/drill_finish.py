@@ -9,8 +9,20 @@ from PIL import Image, ImageDraw
 
 from grasptransfer.shapes.labels import draw_name, write
 from grasptransfer.shapes.shape import Material
-from grasptransfer.shapes.textures import BLACK, WHITE, Colour, contrast, draw_colour, grained, hsv, luminance
-from grasptransfer.shapes.textures import paste, shade, worn
+from grasptransfer.shapes.textures import (
+    BLACK,
+    WHITE,
+    Colour,
+    contrast,
+    draw_colour,
+    grained,
+    hsv,
+    luminance,
+    paste,
+    patch_size,
+    shade,
+    worn,
+)
 
 _PARTS = (
     *("housing", "clutch", "chuck", "bit", "speed_switch", "side_handle"),
@@ -105,8 +117,12 @@ class DrillFinish:
         colours = shell, rubber, contrast(shell, rng), chuck, battery, trigger
         return cls(kind, *colours, metal, *names, *(float(share) for share in shares), *last)
 
-    def materials(self) -> dict[str, Material]:
-        """The material of each part."""
+    def materials(self, battery_aspect: float = 0.4) -> dict[str, Material]:
+        """The material of each part.
+
+        Args:
+            battery_aspect: height of the battery's sides as a share of their length.
+        """
         rng = np.random.default_rng(self.seed)
         if self.kind == "scan":
             grey = (
@@ -122,7 +138,7 @@ class DrillFinish:
             "housing": _housing(self, rng),
             "handle": _handle(self, rng),
             "foot": _foot(self, rng),
-            "battery": _battery(self, rng),
+            "battery": _battery(self, battery_aspect, rng),
             "clutch": _clutch(self, rng),
             "chuck": _chuck(self),
         }
@@ -187,7 +203,9 @@ def _housing(finish: DrillFinish, rng: np.random.Generator) -> Image.Image:
     if rng.random() < 0.45:
         ground = finish.rubber if rng.random() < 0.7 else shade(finish.shell, 0.7)
         ImageDraw.Draw(plate).rounded_rectangle([0, 4, 191, 59], 14, fill=(*ground, 255))
-        ink = finish.accent if abs(luminance(ground) - luminance(finish.accent)) > 60 else WHITE
+        ink = (
+            finish.accent if abs(luminance(ground) - luminance(finish.accent)) > 60 else contrast(ground, rng)
+        )
     write(plate, finish.brand, (16, 10, 176, 54), (*ink, 255), bold=rng.random() < 0.7)
     middle = rng.uniform(0.22, 0.3)
     low = max(finish.bumper, 0.2) + 0.06
@@ -245,33 +263,48 @@ def _foot(finish: DrillFinish, rng: np.random.Generator) -> Image.Image:
     if rng.random() < 0.4:
         _fill(image, v + 0 * u < rng.uniform(0.08, 0.4), finish.rubber)
     if rng.random() < 0.5:
-        plate = Image.new("RGBA", (128, 48), (0, 0, 0, 0))
-        write(plate, finish.brand, (4, 4, 124, 44), (*finish.accent, 255), bold=True)
+        plate = Image.new("RGBA", (160, 32), (0, 0, 0, 0))
+        write(plate, finish.brand, (4, 2, 156, 30), (*finish.accent, 255), bold=True)
         for middle in (0.25, 0.75):
-            paste(image, plate, (middle - 0.12, 0.1, middle + 0.12, 0.42))
+            paste(image, plate, (middle - 0.09, 0.08, middle + 0.09, 0.36))
     _screws(image, rng, ((0.3, 0.4), (0.18, 0.3)))
     worn(image, rng, finish.wear)
     return Image.fromarray(grained(image, rng, 3))
 
 
-def _battery(finish: DrillFinish, rng: np.random.Generator) -> Image.Image:
-    image = _blank(256, 128, finish.battery)
-    u, v = _uv(256, 128)
+def _battery(finish: DrillFinish, aspect: float, rng: np.random.Generator) -> Image.Image:
+    image = _blank(512, 128, finish.battery)
+    u, v = _uv(512, 128)
     if rng.random() < 0.5:
         _fill(image, np.abs(v - rng.uniform(0.55, 0.85)) + 0 * u < rng.uniform(0.03, 0.1), finish.rubber)
-    ground = finish.shell if rng.random() < 0.4 else finish.battery
-    ink = finish.accent if abs(luminance(ground) - luminance(finish.accent)) > 60 else contrast(ground, rng)
-    plate = Image.new("RGB", (160, 64), ground)
-    write(plate, finish.type_name, (10, 6, 150, 58), ink, bold=rng.random() < 0.6)
-    half = rng.uniform(0.08, 0.15)
-    for middle in (0.25, 0.75):
-        paste(image, plate, (middle - half, 0.3, middle + half, 0.75))
+    if aspect > 0.2:
+        _battery_label(image, finish, aspect, rng)
     if rng.random() < 0.5:  # button of the catch
         _fill(
             image, (np.abs((u + 0.5) % 1 - 0.5) < 0.05) & (np.abs(v - 0.7) < 0.08), shade(finish.accent, 0.8)
         )
     worn(image, rng, finish.wear)
     return Image.fromarray(grained(image, rng, 3))
+
+
+def _battery_label(image: Image.Image, finish: DrillFinish, aspect: float, rng: np.random.Generator) -> None:
+    ground = finish.shell if rng.random() < 0.4 else finish.battery
+    ink = finish.accent if abs(luminance(ground) - luminance(finish.accent)) > 60 else contrast(ground, rng)
+    width, height = rng.uniform(0.3, 0.6), rng.uniform(0.3, 0.5)  # shares of the side
+    plate = Image.new("RGB", patch_size(width, height * aspect, long_side=160), ground)
+    margin = 0.12 * plate.height
+    text = finish.type_name if rng.random() < 0.7 else finish.brand
+    write(
+        plate,
+        text,
+        (margin, margin, plate.width - margin, plate.height - margin),
+        ink,
+        bold=rng.random() < 0.6,
+    )
+    # A side of the foot takes about 0.3 of the way around.
+    shift, low = rng.uniform(-0.04, 0.04), rng.uniform(0.25, 0.85 - height)
+    for middle in (0.25 + shift, 0.75 - shift):
+        paste(image, plate, (middle - 0.15 * width, low, middle + 0.15 * width, low + height))
 
 
 def _clutch(finish: DrillFinish, rng: np.random.Generator) -> Image.Image:
