@@ -1,0 +1,183 @@
+"""Grasps of the canonical model, moved to an instance by its deformation field.
+
+| method | position | orientation |
+| --- | --- | --- |
+| `contacts` | rigid fit to the warped contacts and the patches around them | the same fit |
+| `jacobian` | the TCP, p' = p + v(p) | polar decomposition of J R, J = I + dv/dp |
+| `nearest` | the displacement of the nearest surface point | that point's Jacobian, decomposed |
+
+The field is learned on the surface: `contacts` and `nearest` ask it there, `jacobian` also beside it.
+Sources: Rodriguez, Huber and Behnke 2020, section III (warping by the field); Arun, Huang and Blostein,
+Least-Squares Fitting of Two 3-D Point Sets, 1987 (rigid fit).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.errors import SettingsError
+from grasptransfer.frames import nearest_rotation, rigid
+from grasptransfer.grasping.grasp import Grasp, order_contacts
+
+METHODS = ("contacts", "jacobian", "nearest")
+
+PATCH = 0.005  # m around each contact: the part of a finger tip that touches
+
+
+@runtime_checkable
+class Field(Protocol):
+    """What a deformation field answers: `registration.DeformationField`, or a pair of them."""
+
+    def __call__(self, points: Float[np.ndarray, "m 3"], /) -> Float[np.ndarray, "m 3"]:
+        """Warped points [m]."""
+        ...
+
+    def jacobian(self, points: Float[np.ndarray, "m 3"], /) -> Float[np.ndarray, "m 3 3"]:
+        """I + dv/dp at the points."""
+        ...
+
+
+@dataclass(frozen=True)
+class WarpedGrasp:
+    """A grasp moved to an instance.
+
+    Args:
+        name, label, approach_distance, confidence: the annotated grasp's.
+        canonical_from_gripper: the annotated TCP pose (4, 4) [m].
+        object_from_gripper: the TCP pose (4, 4) on the instance [m].
+        width: distance between the pads when they touch, from the warped contacts [m].
+        contacts: warped contacts (2, 3), -x side first, object frame [m].
+        opening: distance between the pads on the way in [m], or None for a little more than `width`.
+        method: how it was moved.
+        stretch: smallest and largest singular value of the field's Jacobian at the grasp.
+    """
+
+    name: str
+    label: str
+    canonical_from_gripper: Float[np.ndarray, "4 4"]
+    object_from_gripper: Float[np.ndarray, "4 4"]
+    width: float
+    contacts: Float[np.ndarray, "2 3"] | None
+    approach_distance: float
+    confidence: float
+    opening: float | None
+    method: str
+    stretch: tuple[float, float]
+
+
+def warp_grasps(
+    grasps: Sequence[Grasp],
+    field: Field,
+    *,
+    method: str = "contacts",
+    surface_points: Float[np.ndarray, "n 3"] | None = None,
+) -> tuple[WarpedGrasp, ...]:
+    """Move grasps from the canonical model to the instance that a field describes.
+
+    Args:
+        grasps: annotated grasps; expand their symmetry first.
+        field: from canonical points to the instance's [m].
+        method: a grasp without contacts falls back from `contacts` to `jacobian`.
+        surface_points: of the canonical model [m], for `nearest`; the field's control points by default.
+
+    Raises:
+        SettingsError: unknown method, or no surface points for `nearest`.
+    """
+    if method not in METHODS:
+        raise SettingsError("is not a way to warp", key="method", value=method, choices=METHODS)
+    if not grasps:
+        return ()
+    poses = np.stack([grasp.canonical_from_gripper for grasp in grasps])
+    anchors = poses[:, :3, 3].copy()
+    if method == "nearest":
+        anchors = _nearest(anchors, field, surface_points)
+    jacobians, moved = field.jacobian(anchors), field(anchors)
+    rotations = nearest_rotation(jacobians @ poses[:, :3, :3])
+    positions = moved + poses[:, :3, 3] - anchors
+    stretches = np.linalg.svd(jacobians, compute_uv=False)[:, [2, 0]]
+    contacts = _warped_contacts(grasps, field)
+    warped = []
+    for i, grasp in enumerate(grasps):
+        used, pose = method, rigid(rotations[i], positions[i])
+        if method == "contacts":
+            if contacts[i] is None:
+                used = "jacobian"
+            else:
+                pose = _fitted(grasp, contacts[i])
+        ends = None if contacts[i] is None else order_contacts(contacts[i][[0, 5]], pose)
+        stretch = (float(stretches[i, 0]), float(stretches[i, 1]))
+        warped.append(_warped(grasp, pose, ends, jacobians[i], used, stretch))
+    return tuple(warped)
+
+
+def _nearest(
+    points: Float[np.ndarray, "g 3"], field: Field, surface_points: Float[np.ndarray, "n 3"] | None
+) -> Float[np.ndarray, "g 3"]:
+    from scipy.spatial import KDTree
+
+    if surface_points is None:
+        surface_points = getattr(field, "control_points", None)
+    if surface_points is None:
+        raise SettingsError("must be given for the nearest method with this field", key="surface_points")
+    return surface_points[KDTree(surface_points).query(points)[1]]
+
+
+def _patches(grasp: Grasp) -> Float[np.ndarray, "10 3"]:
+    """Each contact, then four points around it along the gripper's y and z."""
+    y, z = grasp.canonical_from_gripper[:3, 1] * PATCH, grasp.canonical_from_gripper[:3, 2] * PATCH
+    offsets = np.stack([np.zeros(3), y, -y, z, -z])
+    assert grasp.contacts is not None
+    return (grasp.contacts[:, None] + offsets).reshape(10, 3)
+
+
+def _warped_contacts(grasps: Sequence[Grasp], field: Field) -> list[Float[np.ndarray, "10 3"] | None]:
+    """Warped patches of every grasp that has contacts, in one call of the field."""
+    known = [i for i, grasp in enumerate(grasps) if grasp.contacts is not None]
+    result: list[Float[np.ndarray, "10 3"] | None] = [None] * len(grasps)
+    if known:
+        moved = field(np.concatenate([_patches(grasps[i]) for i in known])).reshape(-1, 10, 3)
+        for i, patch in zip(known, moved, strict=True):
+            result[i] = patch
+    return result
+
+
+def _fitted(grasp: Grasp, warped: Float[np.ndarray, "10 3"]) -> Float[np.ndarray, "4 4"]:
+    """The pose after the rigid motion that best takes the patches to their warped places."""
+    patches, pose = _patches(grasp), grasp.canonical_from_gripper
+    centred, centred_warped = patches - patches.mean(axis=0), warped - warped.mean(axis=0)
+    rotation = nearest_rotation(centred_warped.T @ centred)
+    middle, middle_warped = (points[[0, 5]].mean(axis=0) for points in (patches, warped))
+    # The TCP keeps its place relative to the middle of the contacts.
+    position = middle_warped + rotation @ (pose[:3, 3] - middle)
+    return rigid(nearest_rotation(rotation @ pose[:3, :3]), position)
+
+
+def _warped(
+    grasp: Grasp,
+    object_from_gripper: Float[np.ndarray, "4 4"],
+    contacts: Float[np.ndarray, "2 3"] | None,
+    jacobian: Float[np.ndarray, "3 3"],
+    method: str,
+    stretch: tuple[float, float],
+) -> WarpedGrasp:
+    if contacts is not None:
+        width = float((contacts[1] - contacts[0]) @ object_from_gripper[:3, 0])
+    else:
+        width = grasp.width * float(np.linalg.norm(jacobian @ grasp.canonical_from_gripper[:3, 0]))
+    return WarpedGrasp(
+        name=grasp.name,
+        label=grasp.label,
+        canonical_from_gripper=grasp.canonical_from_gripper,
+        object_from_gripper=object_from_gripper,
+        width=width,
+        contacts=contacts,
+        approach_distance=grasp.approach_distance,
+        confidence=grasp.confidence,
+        # The annotator's room beside the object stays as it was.
+        opening=None if grasp.opening is None else grasp.opening + width - grasp.width,
+        method=method,
+        stretch=stretch,
+    )
