@@ -50,7 +50,7 @@ def instances(categories: list[str], meshes: Path | None) -> Iterator[Instance]:
         category = load_category(name)
         if meshes is None:
             for test in category.test:
-                yield Instance(category, test, category.instance_scene(test), category.instance_field(test))
+                yield Instance(category, test, category.instance_scene(test), category.field(test))
             continue
         for folder in sorted(path for path in (meshes / name).glob("*") if path.is_dir()):
             yield _from_folder(category, folder)

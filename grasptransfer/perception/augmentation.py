@@ -4,7 +4,7 @@ import io
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float32, UInt8
 from PIL import Image, ImageFilter
 from torch import Tensor
 
@@ -24,12 +24,13 @@ def network_input(
     """
     v, u = np.arange(ZOOM_HEIGHT)[:, None], np.arange(ZOOM_WIDTH)[None]
     u0, v0, u1, v1 = (boxes[:, i, None, None] for i in range(4))
-    inside = (u >= u0) & (u <= u1) & (v >= v0) & (v <= v1)
-    told = np.where(np.isnan(boxes).any(1)[:, None, None], 0, np.where(inside, 255, 0)).astype(np.uint8)
-    mask = np.where(coordinates.any(-1), 255, 0).astype(np.uint8)
-    stacked = np.concatenate([observed, told[..., None], coordinates, mask[..., None]], -1)
-    channels_last = torch.from_numpy(stacked).permute(0, 3, 1, 2)
-    return channels_last.float().div_(127.5).sub_(1)
+    stacked = np.empty((*observed.shape[:3], 8), np.uint8)
+    stacked[..., :3], stacked[..., 4:7] = observed, coordinates
+    # Comparisons with NaN are false: an untold box gives an empty mask.
+    stacked[..., 3] = 255 * ((u >= u0) & (u <= u1) & (v >= v0) & (v <= v1))
+    stacked[..., 7] = 255 * ((coordinates[..., 0] | coordinates[..., 1] | coordinates[..., 2]) > 0)
+    # Converted before the axes are turned, the tensor is channels-last, as the network wants it.
+    return torch.from_numpy(stacked).float().div_(127.5).sub_(1).permute(0, 3, 1, 2)
 
 
 def training_batch(
@@ -88,20 +89,21 @@ def _occlude(picture: Float32[np.ndarray, "h w 3"], mask: Float32[np.ndarray, "h
     mask[rows, columns] -= hidden
 
 
-def _photometry(
-    picture: Float32[np.ndarray, "h w 3"], rng: np.random.Generator
-) -> Float[np.ndarray, "h w 3"]:
-    """Exposure, contrast, white balance, saturation and gamma."""
-    grey = picture.mean(-1, keepdims=True)
-    picture = grey + (picture - grey) * rng.uniform(0.3, 1.3)
-    picture = (picture - 128) * rng.uniform(0.6, 1.3) + 128 + rng.uniform(-30, 30)
-    picture = np.clip(picture * (1 + rng.normal(0, 0.08, 3)), 0, 255).astype(np.float32)
-    return 255 * (picture / 255) ** np.float32(rng.uniform(0.7, 1.4))
+def _photometry(picture: Float32[np.ndarray, "h w 3"], rng: np.random.Generator) -> Image.Image:
+    """Saturation, white balance, contrast, exposure (all linear), then gamma."""
+    saturation, contrast = rng.uniform(0.3, 1.3), rng.uniform(0.6, 1.3)
+    mix = saturation * np.eye(3) + (1 - saturation) / 3
+    mix *= contrast * (1 + rng.normal(0, 0.08, 3))
+    shift = 128 * (1 - contrast) + rng.uniform(-30, 30)
+    picture = picture @ mix.astype(np.float32) + np.float32(shift)
+    gamma = 255 * (np.arange(256) / 255) ** rng.uniform(0.7, 1.4)
+    return Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8)).point(
+        np.tile(gamma, 3).round().tolist()
+    )
 
 
-def _degrade(picture: Float[np.ndarray, "h w 3"], rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
+def _degrade(image: Image.Image, rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
     """Low resolution, blur, sensor noise and JPEG."""
-    image = Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8))
     if rng.random() < 0.5:
         share = rng.uniform(0.25, 0.9)
         small = image.resize((int(ZOOM_WIDTH * share), int(ZOOM_HEIGHT * share)), Image.Resampling.BILINEAR)

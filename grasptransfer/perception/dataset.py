@@ -126,21 +126,20 @@ def _shard_path(target: Path, index: int) -> Path:
 
 
 def _write_shard(config: DatasetConfig, target: Path, index: int):
-    from grasptransfer.category import load_category
     from grasptransfer.perception.rendering import Renderer
     from grasptransfer.perception.samples import render_sample
     from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
 
     rng = np.random.default_rng([config.seed, 1, index])
-    categories = [load_category(name) for name in config.categories]
-    canonicals = [training_canonical(category) for category in categories]
+    names = config.categories
+    canonicals = [training_canonical(name) for name in names]
     samples: list[Sample] = []
     turn = index
     with Renderer() as renderer:
         while len(samples) < SHARD:
-            which = turn % len(categories)
+            which = turn % len(names)
             turn += 1
-            shape = draw_training_shape(categories[which], rng)
+            shape = draw_training_shape(names[which], rng)
             views = (
                 render_sample(shape, canonicals[which], rng, renderer=renderer)
                 for _ in range(VIEWS_PER_SHAPE)

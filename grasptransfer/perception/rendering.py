@@ -9,6 +9,7 @@ import ctypes.util
 import os
 import sys
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import trimesh
@@ -219,6 +220,7 @@ def _is_smooth(mesh: trimesh.Trimesh) -> bool:
     return mesh.visual.kind == "texture" or len(mesh.faces) > 2000
 
 
+@lru_cache(maxsize=1)
 def _pyrender():
     for library, package in (("EGL", "libegl1"), ("GL", "libgl1")):
         if os.environ.get("PYOPENGL_PLATFORM") == "egl" and ctypes.util.find_library(library) is None:

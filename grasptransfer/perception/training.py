@@ -97,8 +97,9 @@ def train(
     for inputs, targets in batches:
         terms = run.advance(inputs, targets)
         if rank == 0 and (run.step % 50 == 0 or run.step == config.steps):
-            speed = (run.step - since) * config.batch / (time.monotonic() - clock)
-            clock, since = time.monotonic(), run.step
+            spent = time.monotonic() - clock
+            speed = (run.step - since) * config.batch / spent
+            clock, since, run.seconds = clock + spent, run.step, run.seconds + spent
             values = {name: float(value) for name, value in terms.items()}
             run.log(values)
             if on_step:
@@ -145,7 +146,7 @@ class _Run:
         self.schedule = torch.optim.lr_scheduler.OneCycleLR(
             self.optimiser, config.learning_rate, total_steps=config.steps + 1, pct_start=0.08
         )
-        self.step = 0
+        self.step, self.seconds = 0, 0.0
         self._restore()
         self.parallel = DistributedDataParallel(self.network) if world > 1 else self.network
 
@@ -173,6 +174,7 @@ class _Run:
         state = {
             "config": json.dumps(asdict(self.config)),
             "step": self.step,
+            "seconds": self.seconds,
             "network": self.network.state_dict(),
             "optimiser": self.optimiser.state_dict(),
             "schedule": self.schedule.state_dict(),
@@ -187,8 +189,9 @@ class _Run:
         with path.open("a", newline="") as file:
             writer = csv.writer(file)
             if fresh:
-                writer.writerow(["step", *terms])
-            writer.writerow([self.step, *(f"{value:.5g}" for value in terms.values())])
+                writer.writerow(["step", "seconds", *terms])
+            values = (f"{value:.5g}" for value in terms.values())
+            writer.writerow([self.step, f"{self.seconds:.1f}", *values])
 
     def _restore(self):
         path = self.folder / "checkpoint.pt"
@@ -204,7 +207,7 @@ class _Run:
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.schedule.load_state_dict(state["schedule"])
-        self.step = state["step"]
+        self.step, self.seconds = state["step"], state["seconds"]
 
 
 def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) -> tuple[Dataset, Dataset]:

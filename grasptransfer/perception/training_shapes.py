@@ -4,25 +4,26 @@ import numpy as np
 import trimesh
 
 from grasptransfer import shapes
-from grasptransfer.category import Category
+from grasptransfer.category import Category, load_category
 from grasptransfer.perception.samples import TrainingShape
 
 RHOS = (0.0, 0.25, 0.5, 0.75)  # section V-B: how far a shape is drawn back to the canonical model
 RHO_SHARES = (0.7, 0.1, 0.1, 0.1)
 
 
-def training_canonical(category: Category) -> trimesh.Trimesh:
+def training_canonical(name: str) -> trimesh.Trimesh:
     """The canonical geometry whose faces the training shapes of this category move."""
-    if category.name in shapes.generators():
-        return shapes.canonical(category.name).mesh()
-    return category.canonical
+    if name in shapes.generators():
+        return shapes.canonical(name).mesh()
+    return load_category(name).canonical
 
 
-def draw_training_shape(category: Category, rng: np.random.Generator) -> TrainingShape:
+def draw_training_shape(name: str, rng: np.random.Generator) -> TrainingShape:
     """A random training instance: a new parametric shape where there is a generator, else a train mesh."""
     rho = float(rng.choice(RHOS, p=RHO_SHARES))
-    if category.name in shapes.generators():
-        return _parametric(category.name, int(rng.integers(2**31)), rho)
+    if name in shapes.generators():
+        return _parametric(name, int(rng.integers(2**31)), rho)
+    category = load_category(name)
     return _of_instance(category, int(rng.integers(len(category.train))), rho)
 
 

@@ -85,27 +85,37 @@ def find_weights(category: str) -> Path:
     Raises:
         WeightsError: none does; names the categories that have one.
     """
+    served = _served()
+    if category not in served:
+        raise WeightsError(
+            "no trained network for this category",
+            path=objects_folder() / "models",
+            key="category",
+            value=category,
+            choices=served,
+            fix=f"Train one: grasptransfer train {category}",
+        )
+    return served[category]
+
+
+def trained_categories() -> tuple[str, ...]:
+    """Names of the categories that have trained weights."""
+    return tuple(sorted(_served()))
+
+
+def _served() -> dict[str, Path]:
+    """Weight file of each category that has one."""
     from safetensors import SafetensorError, safe_open
 
-    folder = objects_folder() / "models"
-    served: list[str] = []
-    for path in sorted(folder.glob("*.safetensors")):
+    served = {}
+    for path in sorted((objects_folder() / "models").glob("*.safetensors")):
         try:
             with safe_open(path, "pt") as file:
-                names = list(json.loads((file.metadata() or {}).get("categories", "{}")))
-        except (SafetensorError, OSError) as error:
+                names = json.loads((file.metadata() or {}).get("categories", "{}"))
+        except (SafetensorError, OSError, json.JSONDecodeError) as error:
             raise WeightsError(f"is corrupt: {error}", path=path, fix="Get the file again") from error
-        if category in names:
-            return path
-        served += names
-    raise WeightsError(
-        "no trained network for this category",
-        path=folder,
-        key="category",
-        value=category,
-        choices=served,
-        fix=f"Train one: grasptransfer train {category}",
-    )
+        served |= dict.fromkeys(names, path)
+    return served
 
 
 def _digest(tensors) -> str:

@@ -1,0 +1,80 @@
+"""The estimators that are compared, by name; `gt` is the bound that true offsets give."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from grasptransfer.errors import SettingsError
+from grasptransfer.perception.baselines import ClsEstimator, CpdEstimator, RigidEstimator, SimilarityEstimator
+from grasptransfer.perception.canonical_view import view_canonical
+from grasptransfer.perception.estimate import Estimator, ShapeEstimate
+from grasptransfer.perception.observation import Observation
+from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.zoom import projected_box, zoom_box, zoom_camera
+
+from grasptransfer.benchmark.seen_instances import Instance  # isort: skip
+
+NAMES = ("gt", "cls", "cpd", "rgb", "rigid", "similarity")
+TRUE_OFFSET_NOISE = 1e-3  # m: what the shape space cannot express of a true offset
+
+
+@dataclass(frozen=True)
+class TrueOffsetsEstimator:
+    """The paper's "GT": true offsets at the canonical's visible pixels, completed by the shape space."""
+
+    instance: Instance
+    renderer: Renderer
+
+    def __call__(self, observation: Observation) -> ShapeEstimate:
+        """MAP of the latent under the true offsets of what this view shows."""
+        category, space = self.instance.category, self.instance.category.shape_space
+        pose = observation.camera_from_object
+        box = projected_box(np.asarray(category.canonical.vertices), observation.camera, pose)
+        camera = zoom_camera(observation.camera, zoom_box(box))
+        points = view_canonical(category.canonical, camera, pose, renderer=self.renderer).cell_points
+        offsets = self.instance.true_field.displacement(points)
+        posterior = space.map_estimate(points, offsets, TRUE_OFFSET_NOISE)
+        return ShapeEstimate(
+            space.field(posterior.mean), pose, latent=posterior.mean, latent_covariance=posterior.covariance
+        )
+
+
+@dataclass
+class EstimatorSet:
+    """Builds the estimators of one instance; network and renderer are shared by all instances of a category.
+
+    Args:
+        refine_pose: let `rgb` and `cls` refine the pose.
+    """
+
+    renderer: Renderer
+    refine_pose: bool
+    _rgb: RgbEstimator | None = None
+
+    def of(self, instance: Instance, names: tuple[str, ...]) -> dict[str, Estimator]:
+        """The estimators called `names` for this instance."""
+        return {name: self._make(name, instance) for name in names}
+
+    def _make(self, name: str, instance: Instance) -> Estimator:
+        category = instance.category
+        if name == "gt":
+            return TrueOffsetsEstimator(instance, self.renderer)
+        if name == "rgb":
+            if self._rgb is None or self._rgb.category.name != category.name:
+                self._rgb = RgbEstimator(category, renderer=self.renderer, refine_pose=self.refine_pose)
+            return _without_depth(self._rgb)
+        if name == "cls":
+            return ClsEstimator(category, refine_pose=self.refine_pose)
+        if name == "cpd":
+            return CpdEstimator(category)
+        if name == "rigid":
+            return RigidEstimator(category)
+        if name == "similarity":
+            return SimilarityEstimator(category)
+        raise SettingsError("unknown estimator", key="estimators", value=name, choices=NAMES)
+
+
+def _without_depth(estimator: Estimator) -> Estimator:
+    """RGB must not see depth, nor the exact mask: a box is all a detector gives."""
+    return lambda observation: estimator(replace(observation, depth=None, mask=None))

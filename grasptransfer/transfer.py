@@ -1,0 +1,345 @@
+"""The main flow: one RGB picture in, checked and ranked grasps out.
+
+    observe -> estimate the shape -> warp the grasps -> refine -> check -> rank
+
+Frames: `object` is the seen instance in its category's axes, `gripper` the TCP (+z approach,
++x closing), `camera` OpenCV. See `frames.py`.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+
+from grasptransfer.category import Category, load_category
+from grasptransfer.errors import CategoryError, NotSucceeded, SettingsError
+from grasptransfer.grasping import (
+    Gripper,
+    Scene,
+    check_grasps,
+    expand_symmetry,
+    load_grasps,
+    load_gripper,
+    rank_grasps,
+    refine_grasps,
+    warp_grasps,
+)
+from grasptransfer.registration import DeformationField, FieldPair
+from grasptransfer.registration import register_pair as pair_fields
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
+
+    from grasptransfer.grasping import CheckStatus
+    from grasptransfer.perception.estimate import EstimateStatus, Estimator, ShapeEstimate
+    from grasptransfer.perception.observation import Observation
+
+ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class TransferredGrasp:
+    """An annotated grasp on the seen instance.
+
+    Args:
+        name, label: as annotated; members of a symmetry family carry their turn in the name.
+        camera_from_gripper: (4, 4) TCP in the camera frame [m].
+        object_from_gripper: (4, 4) TCP in the object frame [m].
+        canonical_from_gripper: (4, 4) the annotated TCP [m].
+        width: distance between the pads when they touch [m].
+        opening: distance between the pads on the way in [m].
+        score: expected success in [0, 1].
+        status: outcome of the checks; `usable` says whether to execute it.
+        reason: one sentence.
+        contacts: (2, 3) points under the -x and the +x pad, object frame [m]; None where they are not known.
+    """
+
+    name: str
+    label: str
+    camera_from_gripper: Float[np.ndarray, "4 4"]
+    object_from_gripper: Float[np.ndarray, "4 4"]
+    canonical_from_gripper: Float[np.ndarray, "4 4"]
+    width: float
+    opening: float
+    score: float
+    status: CheckStatus
+    reason: str
+    approach_distance: float
+    confidence: float
+    contacts: Float[np.ndarray, "2 3"] | None = None
+
+    @property
+    def usable(self) -> bool:
+        """Whether it passed every check."""
+        return self.status.usable
+
+
+@dataclass(frozen=True)
+class TransferResult:
+    """All grasps on the seen instance, and the instance itself.
+
+    Args:
+        grasps: best first; those that failed a check come last and say why.
+        mesh: reconstruction of the instance, object frame [m].
+        field: canonical to object; `field(points)` warps (m, 3) canonical points [m].
+        camera_from_object: (4, 4) the pose, refined where the estimator does that.
+        latent, latent_covariance: shape-space coordinates and their posterior covariance, or None.
+        mask: (h, w) predicted pixels of the object, or None.
+        category_score: 1 = fits the category, 0 = does not.
+        status: outcome of the shape estimate.
+        timings: seconds per stage.
+    """
+
+    grasps: tuple[TransferredGrasp, ...]
+    mesh: trimesh.Trimesh
+    field: DeformationField
+    camera_from_object: Float[np.ndarray, "4 4"]
+    latent: Float[np.ndarray, "k"] | None
+    latent_covariance: Float[np.ndarray, "k k"] | None
+    mask: Bool[np.ndarray, "h w"] | None
+    category_score: float
+    status: EstimateStatus
+    timings: dict[str, float]
+    category: Category
+    gripper: Gripper
+    observation: Observation
+    scene: Scene | None
+
+    @property
+    def usable(self) -> tuple[TransferredGrasp, ...]:
+        """The grasps that passed every check, best first."""
+        return tuple(grasp for grasp in self.grasps if grasp.usable)
+
+    def to_isaac_grasp(self, path: str | Path) -> Path:
+        """Write the usable grasps as isaac_grasp YAML, object frame, TCP."""
+        from grasptransfer.report.result_files import write_isaac_grasp
+
+        return write_isaac_grasp(self, Path(path))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write grasps.yaml, reconstruction.glb, field.npz and result.yaml into `folder`."""
+        from grasptransfer.report.result_files import save_result
+
+        return save_result(self, Path(folder))
+
+    def report(self, path: str | Path, *, trials=None) -> Path:
+        """Write a self-contained HTML page: picture, reconstruction, deformation, every grasp and why."""
+        from grasptransfer.report.page import write_page
+
+        return write_page(self, Path(path), trials=trials)
+
+
+class GraspTransfer:
+    """Grasp transfer for one category; network, renderer and gripper stay warm between pictures.
+
+    Args:
+        category: name, folder or loaded `Category`.
+        gripper: name, YAML path or loaded `Gripper`.
+        estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
+        refine_pose: fit the pose together with the shape, where the estimator can.
+        device: "auto", "cpu" or "cuda".
+        seed: of the samples that rank the grasps.
+
+    Raises:
+        GraspTransferError: unknown category, gripper or estimator; missing or corrupt files.
+    """
+
+    def __init__(
+        self,
+        category: str | Path | Category,
+        *,
+        gripper: str | Path | Gripper = "panda",
+        estimator: str | Estimator = "rgb",
+        refine_pose: bool = True,
+        device: str = "auto",
+        seed: int = 0,
+    ):
+        self.category = load_category(category)
+        self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
+        self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))
+        self.estimator = _make_estimator(estimator, self.category, refine_pose, device)
+        self.seed = seed
+
+    def transfer(
+        self, image, pose, *, camera=None, mask=None, depth=None, scene=None, strict: bool = False
+    ) -> TransferResult:
+        """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`."""
+        from grasptransfer.perception.observation import observe
+
+        observation = observe(image, pose, camera=camera, mask=mask, depth=depth)
+        clock = time.perf_counter()
+        estimate = self.estimator(observation)
+        estimated = time.perf_counter()
+        result = self.grasp(observation, estimate, scene=scene)
+        spent = {"shape": estimated - clock, "grasps": time.perf_counter() - estimated}
+        result = replace(result, timings=estimate.timings | spent | {"total": sum(spent.values())})
+        if strict:
+            _raise_unless_succeeded(result)
+        return result
+
+    def grasp(
+        self, observation: Observation, estimate: ShapeEstimate, *, scene: Scene | None = None
+    ) -> TransferResult:
+        """Warp, refine, check and rank the grasps on an estimated shape."""
+        mesh = reconstruct(self.category, estimate.field)
+        pose = estimate.camera_from_object
+        warped = warp_grasps(self.grasps, estimate.field)
+        refined = refine_grasps(warped, mesh, self.gripper)
+        checks = check_grasps(refined, mesh, self.gripper, scene=scene, camera_from_object=pose)
+        scores = rank_grasps(
+            refined,
+            checks,
+            self.gripper,
+            category=self.category,
+            estimate=estimate,
+            mesh=mesh,
+            seed=self.seed,
+        )
+        grasps = [
+            TransferredGrasp(
+                name=grasp.name,
+                label=grasp.label,
+                camera_from_gripper=pose @ grasp.object_from_gripper,
+                object_from_gripper=grasp.object_from_gripper,
+                canonical_from_gripper=grasp.canonical_from_gripper,
+                width=grasp.width,
+                opening=check.opening,
+                score=score,
+                status=check.status,
+                reason=check.reason,
+                approach_distance=grasp.approach_distance,
+                confidence=grasp.confidence,
+                contacts=grasp.contacts,
+            )
+            for grasp, check, score in zip(refined, checks, scores, strict=True)
+        ]
+        grasps.sort(key=lambda grasp: (not grasp.usable, -grasp.score))
+        return TransferResult(
+            grasps=tuple(grasps),
+            mesh=mesh,
+            field=estimate.field,
+            camera_from_object=pose,
+            latent=estimate.latent,
+            latent_covariance=estimate.latent_covariance,
+            mask=estimate.mask,
+            category_score=estimate.category_score,
+            status=estimate.status,
+            timings=estimate.timings,
+            category=self.category,
+            gripper=self.gripper,
+            observation=observation,
+            scene=scene,
+        )
+
+
+def transfer_grasps(
+    image,
+    pose,
+    category: str | Path | Category,
+    *,
+    camera=None,
+    gripper: str | Path | Gripper = "panda",
+    mask=None,
+    depth=None,
+    scene: Scene | None = None,
+    estimator: str | Estimator = "rgb",
+    refine_pose: bool = True,
+    device: str = "auto",
+    seed: int = 0,
+    strict: bool = False,
+) -> TransferResult:
+    """Transfer a category's annotated grasps to the instance seen in one RGB picture.
+
+    For many pictures keep a `GraspTransfer`: it loads the network once.
+
+    Args:
+        image: path, PIL picture or uint8 (h, w, 3) RGB.
+        pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
+        category: name, folder or loaded `Category`.
+        camera: `Camera`, 3x3 intrinsics [px], or None for 60 degrees horizontal field of view.
+        gripper: name, YAML path or loaded `Gripper`.
+        mask: bool (h, w) or box (u0, v0, u1, v1) [px] of the object, optional.
+        depth: (h, w) metres, 0 = missing; for the estimators that use depth.
+        scene: obstacles and a support plane, optional.
+        estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
+        refine_pose: fit the pose together with the shape.
+        device: "auto", "cpu" or "cuda".
+        seed: of the samples that rank the grasps.
+        strict: raise `NotSucceeded` where the instance does not fit the category or no grasp is usable.
+
+    Raises:
+        GraspTransferError: wrong input; one sentence with the argument, the value and the choices.
+    """
+    flow = GraspTransfer(
+        category, gripper=gripper, estimator=estimator, refine_pose=refine_pose, device=device, seed=seed
+    )
+    return flow.transfer(image, pose, camera=camera, mask=mask, depth=depth, scene=scene, strict=strict)
+
+
+def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:
+    """The field from instance A to instance B, through their canonical model.
+
+    Raises:
+        CategoryError: the results are of different categories.
+    """
+    if a.category.canonical_sha256 != b.category.canonical_sha256:
+        raise CategoryError(
+            "the results are of different categories", value=(a.category.name, b.category.name)
+        )
+    return pair_fields(a.field, b.field)
+
+
+def reconstruct(category: Category, field: DeformationField) -> trimesh.Trimesh:
+    """The canonical mesh warped by a field: the whole instance, its hidden side too (paper, eq. 6)."""
+    mesh = category.canonical.copy()
+    mesh.vertices = field(np.asarray(mesh.vertices))
+    return mesh
+
+
+def _make_estimator(
+    estimator: str | Estimator, category: Category, refine_pose: bool, device: str
+) -> Estimator:
+    if callable(estimator):
+        return estimator
+    from grasptransfer.perception import baselines, rgb, rgbd
+
+    if estimator == "rgb":
+        return rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
+    if estimator == "rgbd":
+        return rgbd.RgbdEstimator(category, refine_pose=refine_pose, device=device)
+    if estimator == "cls":
+        return baselines.ClsEstimator(category, refine_pose=refine_pose)
+    if estimator == "cpd":
+        return baselines.CpdEstimator(category)
+    if estimator == "similarity":
+        return baselines.SimilarityEstimator(category)
+    if estimator == "rigid":
+        return baselines.RigidEstimator(category)
+    raise SettingsError("unknown estimator", key="estimator", value=estimator, choices=ESTIMATORS)
+
+
+def _grasp_file(category: Category) -> Path:
+    if not category.grasps_path.is_file():
+        raise CategoryError(
+            "has no annotated grasps",
+            path=category.grasps_path,
+            fix=f"Annotate some: grasptransfer annotate {category.name}",
+        )
+    return category.grasps_path
+
+
+def _raise_unless_succeeded(result: TransferResult):
+    from grasptransfer.perception.estimate import EstimateStatus
+
+    if result.status is not EstimateStatus.OK:
+        raise NotSucceeded(result.status.advice, key="status", value=result.status.value)
+    if not result.usable:
+        reasons = "; ".join(sorted({grasp.reason for grasp in result.grasps}))
+        raise NotSucceeded("no usable grasp", key="grasps", value=reasons)
