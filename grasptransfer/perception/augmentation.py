@@ -53,7 +53,9 @@ def _compose(
 ) -> tuple[UInt8[np.ndarray, "192 256 3"], Float32[np.ndarray, "96 128"]]:
     """The picture and the share of each half-resolution pixel that the visible object covers."""
     alpha = observed[..., 3:4].astype(np.float32) / 255
-    picture = observed[..., :3] * rng.uniform(0.6, 1.3) + _background(dataset, rng) * (1 - alpha)
+    picture = observed[..., :3].astype(np.float32) * rng.uniform(0.6, 1.3) + _background(dataset, rng) * (
+        1 - alpha
+    )
     mask = observed[..., 4].astype(np.float32) / 255
     for _ in range(rng.integers(1, 3) if rng.random() < 0.25 else 0):
         _occlude(picture, mask, dataset, rng)

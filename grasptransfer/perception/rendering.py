@@ -163,15 +163,16 @@ class _Stage:
     def __init__(self, mesh: trimesh.Trimesh | trimesh.Scene):
         pyrender = _pyrender()
         self.scene = pyrender.Scene(bg_color=[0, 0, 0, 1.0], ambient_light=[0.3] * 3)
-        self.transparent = False
-        self.radius = 0.0
-        for part in mesh.dump() if isinstance(mesh, trimesh.Scene) else [mesh]:
-            drawable = pyrender.Mesh.from_trimesh(part, smooth=_is_smooth(part))
-            self.transparent |= any(primitive.is_transparent for primitive in drawable.primitives)
-            for primitive in drawable.primitives:
-                primitive.material.doubleSided = True
-            self.radius = max(self.radius, float(np.linalg.norm(part.vertices, axis=1).max()))
-            self.scene.add(drawable)
+        parts = mesh.dump() if isinstance(mesh, trimesh.Scene) else [mesh]
+        self.radius = max(float(np.linalg.norm(part.vertices, axis=1).max()) for part in parts)
+        drawn = [pyrender.Mesh.from_trimesh(part, smooth=_is_smooth(part)) for part in parts]
+        primitives = [primitive for part in drawn for primitive in part.primitives]
+        self.transparent = any(primitive.is_transparent for primitive in primitives)
+        for primitive in primitives:
+            primitive.material.doubleSided = True
+        # One node, so that its parts are drawn in their order: what is behind glass comes first.
+        # Several nodes would be drawn in the order of a set, another one each time.
+        self.scene.add(pyrender.Mesh(primitives))
         self.camera_node = None
         self.light_nodes: list = []
 

@@ -21,6 +21,7 @@ from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.weights import WeightsInfo, save_weights
 
+CHECKPOINT_STEPS = 250
 HELD_OUT_SEED = 1_000_003  # held-out shapes come from another seed than the training ones
 
 
@@ -100,11 +101,11 @@ def train(
             spent = time.monotonic() - clock
             speed = (run.step - since) * config.batch / spent
             clock, since, run.seconds = clock + spent, run.step, run.seconds + spent
-            values = {name: float(value) for name, value in terms.items()}
+            values = {name: value.item() for name, value in terms.items()}
             run.log(values)
             if on_step:
                 on_step(Progress(run.step, config.steps, values, speed))
-        if rank == 0 and run.step % 250 == 0:
+        if rank == 0 and run.step % CHECKPOINT_STEPS == 0:
             run.save()
     scores = evaluate(run.network, held_out_set, config)
     if rank == 0:

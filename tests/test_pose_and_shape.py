@@ -1,0 +1,102 @@
+"""Joint refinement of pose and latent on motion whose truth is known."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from grasptransfer.camera import Camera
+from grasptransfer.frames import rotation_angle, transform_points
+from grasptransfer.perception.pose_and_shape import Motion, PosePrior, fit_pose_and_shape
+from grasptransfer.perception.views import look_at
+
+CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
+
+
+def _case(seed: int, modes: int = 4):
+    """Points of a 10 cm ball, a smooth linear shape model, a pose and a latent."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(300, 3))
+    points *= 0.05 / np.linalg.norm(points, axis=1, keepdims=True)
+    basis = np.stack([points @ rng.normal(0, 0.1, (3, 3)) for _ in range(modes)], axis=-1)
+    mean = points @ rng.normal(0, 0.02, (3, 3))
+    pose = look_at(0.5, rng.uniform(0, 6), rng.uniform(0, 1))
+    return rng, points, (mean, basis), pose, rng.normal(size=modes)
+
+
+def _motion(points, model, pose, latent, scale=1.0):
+    offsets = model[0] + model[1] @ latent
+    pixels = CAMERA.project(transform_points(pose, points + offsets))
+    return Motion(offsets, np.full(len(points), 1e-4 * scale), pixels, np.full(len(points), 0.05 * scale))
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_exact_motion_gives_the_true_pose_and_latent(seed):
+    rng, points, model, pose, latent = _case(seed)
+    told = pose.copy()
+    told[:3, :3] = Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix() @ told[:3, :3]
+    told[:3, 3] += rng.uniform(-0.03, 0.03, 3)
+    fit = fit_pose_and_shape(
+        _motion(points, model, pose, latent),
+        points,
+        model,
+        camera=CAMERA,
+        told_pose=told,
+        start_pose=told,
+        pose_prior=PosePrior(),
+    )
+    assert fit.converged
+    # The priors pull a little; 40 independent cells at 0.05 px leave about a millimetre of depth.
+    assert np.linalg.norm(fit.camera_from_object[:3, 3] - pose[:3, 3]) < 2e-3
+    assert rotation_angle(fit.camera_from_object[:3, :3] @ pose[:3, :3].T) < 0.01
+    np.testing.assert_allclose(fit.latent, latent, atol=0.05)
+
+
+def test_a_kept_pose_stays_exactly_as_told():
+    _, points, model, pose, latent = _case(1)
+    fit = fit_pose_and_shape(
+        _motion(points, model, pose, latent),
+        points,
+        model,
+        camera=CAMERA,
+        told_pose=pose,
+        start_pose=pose,
+        pose_prior=None,
+    )
+    np.testing.assert_array_equal(fit.camera_from_object, pose)
+    assert (fit.covariance[:6] == 0).all()
+
+
+def test_uncertain_motion_leaves_the_latent_at_the_prior():
+    _, points, model, pose, latent = _case(2)
+    fit = fit_pose_and_shape(
+        _motion(points, model, pose, latent, scale=1e6),
+        points,
+        model,
+        camera=CAMERA,
+        told_pose=pose,
+        start_pose=pose,
+        pose_prior=PosePrior(),
+    )
+    np.testing.assert_allclose(fit.latent, 0, atol=1e-3)
+    np.testing.assert_allclose(np.diag(fit.covariance)[6:], 1, atol=1e-3)
+
+
+def test_less_noise_means_a_tighter_posterior():
+    _, points, model, pose, latent = _case(3)
+    traces = [
+        np.trace(
+            fit_pose_and_shape(
+                _motion(points, model, pose, latent, scale=scale),
+                points,
+                model,
+                camera=CAMERA,
+                told_pose=pose,
+                start_pose=pose,
+                pose_prior=PosePrior(),
+            ).covariance[6:, 6:]
+        )
+        for scale in (1, 10, 100)
+    ]
+    assert traces[0] < traces[1] < traces[2]

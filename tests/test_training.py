@@ -1,0 +1,196 @@
+"""Data sets, networks, weights and training: reproducible, resumable, and refusing what is corrupt."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from grasptransfer.errors import SettingsError, WeightsError
+from grasptransfer.perception import dataset as dataset_module
+from grasptransfer.perception import training as training_module
+from grasptransfer.perception.augmentation import network_input, training_batch
+from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
+from grasptransfer.perception.losses import training_loss
+from grasptransfer.perception.networks import Prediction, build_network, network_names
+from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.samples import render_sample
+from grasptransfer.perception.scenes import NO_NOISE
+from grasptransfer.perception.training import TrainingConfig, train
+from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
+from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights
+
+CONFIG = DatasetConfig(("mug",), samples=4, seed=3, backgrounds=2, sprites=2)
+
+
+@pytest.fixture(scope="module")
+def small_shards():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dataset_module, "SHARD", 4)
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, small_shards):
+    return _build(tmp_path_factory.mktemp("data"))
+
+
+def _build(parent):
+    # In this process: the shortened shard length would not reach a spawned one.
+    target = parent / CONFIG.digest()
+    target.mkdir()
+    dataset_module._write_sprites(CONFIG, target)
+    dataset_module._write_backgrounds(CONFIG, target)
+    dataset_module._write_shard(CONFIG, target, 0)
+    return target
+
+
+def test_a_data_set_is_reproducible_byte_by_byte(folder, tmp_path):
+    again = _build(tmp_path)
+    files = sorted(path.relative_to(folder) for path in folder.rglob("*.npy"))
+    assert len(files) == 8
+    for file in files:
+        assert (folder / file).read_bytes() == (again / file).read_bytes(), file
+
+
+def test_a_complete_data_set_is_not_rendered_again(folder):
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*.npy")}
+    build_dataset(CONFIG, folder.parent, workers=1)
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.npy")} == before
+
+
+def test_true_motion_of_an_unmoved_canonical_is_zero():
+    canonical = training_canonical("mug")
+    rng = np.random.default_rng(0)
+    shape = draw_training_shape("mug", rng)
+    still = dataclasses.replace(
+        shape, scene=canonical, vertices=canonical.vertices, move=lambda p, f: (p, np.ones(len(p), bool))
+    )
+    with Renderer() as renderer:
+        sample = render_sample(still, canonical, rng, renderer=renderer, noise=NO_NOISE)
+    assert sample is not None
+    assert sample.valid.sum() > 50
+    assert (sample.offset[sample.valid] == 0).all()
+    # The ray through a pixel's centre returns to it.
+    assert np.abs(sample.flow[sample.valid]).max() < 1e-3
+
+
+def test_the_input_has_eight_channels_and_an_untold_box_is_empty():
+    observed = np.full((1, 192, 256, 3), 255, np.uint8)
+    inputs = network_input(observed, np.full((1, 4), np.nan, np.float32), np.zeros_like(observed))
+    assert inputs.shape == (1, 8, 192, 256)
+    assert (inputs[:, :3] == 1).all()
+    assert (inputs[:, 3:] == -1).all()
+
+
+@pytest.mark.parametrize("name", network_names())
+def test_a_picture_alone_gives_what_it_gives_in_a_batch(name):
+    torch.manual_seed(0)
+    network = build_network(name).eval()
+    pictures = torch.rand(2, 8, 192, 256)
+    with torch.inference_mode():
+        together, alone = network(pictures), network(pictures[1:])
+    for whole, single in zip(together, alone, strict=True):
+        torch.testing.assert_close(whole[1:], single, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("loss", ["likelihood", "paper"])
+def test_a_training_step_on_one_batch_lowers_its_loss(folder, loss):
+    torch.manual_seed(0)
+    inputs, targets = training_batch(Dataset(folder), np.arange(4), np.random.default_rng(0))
+    network = build_network("compact")
+    optimiser = torch.optim.AdamW(network.parameters(), 1e-3)
+    values = []
+    for _ in range(6):
+        total = training_loss(network(inputs), targets, loss)["total"]
+        optimiser.zero_grad()
+        total.backward()
+        optimiser.step()
+        values.append(total.item())
+    assert values[-1] < values[0]
+
+
+def test_a_perfect_prediction_has_no_error(folder):
+    _, targets = training_batch(Dataset(folder), np.arange(4), np.random.default_rng(0))
+    zero = torch.zeros(4, 1, 48, 64)
+    perfect = Prediction(targets["offset"], zero, targets["flow"], zero, (targets["mask"] - 0.5) * 100)
+    terms = training_loss(perfect, targets, "likelihood")
+    assert terms["offset_mm"] < 0.02  # the square root is rounded off at zero
+    assert terms["iou"] == 1
+
+
+def test_an_unknown_loss_or_network_names_the_choices(folder):
+    _, targets = training_batch(Dataset(folder), np.arange(1), np.random.default_rng(0))
+    zero = torch.zeros(1, 1, 48, 64)
+    prediction = Prediction(targets["offset"], zero, targets["flow"], zero, targets["mask"])
+    with pytest.raises(SettingsError, match="paper"):
+        training_loss(prediction, targets, "nonsense")
+    with pytest.raises(SettingsError, match="compact"):
+        build_network("nonsense")
+
+
+def test_weights_come_back_as_they_were_saved(tmp_path):
+    torch.manual_seed(1)
+    network = build_network("compact").eval()
+    save_weights(tmp_path / "w.safetensors", network, WeightsInfo("compact", {"mug": "abc"}))
+    loaded, info = load_weights(tmp_path / "w.safetensors")
+    assert info == WeightsInfo("compact", {"mug": "abc"})
+    for name, tensor in loaded.state_dict().items():
+        torch.testing.assert_close(tensor, network.state_dict()[name].half().float())
+
+
+@pytest.mark.parametrize("position", [20, -1000])
+def test_a_flipped_byte_in_the_weights_is_found(tmp_path, position):
+    path = tmp_path / "w.safetensors"
+    save_weights(path, build_network("compact"), WeightsInfo("compact", {"mug": "abc"}))
+    data = bytearray(path.read_bytes())
+    data[position] ^= 255
+    path.write_bytes(data)
+    with pytest.raises(WeightsError, match=r"w\.safetensors"):
+        load_weights(path)
+
+
+def test_missing_weights_say_how_to_train_them(tmp_path):
+    with pytest.raises(WeightsError, match="grasptransfer train"):
+        load_weights(tmp_path / "none.safetensors")
+
+
+def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monkeypatch):
+    config = TrainingConfig(("mug",), samples=4, held_out=4, steps=4, batch=2)
+    data = Dataset(folder)
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
+    monkeypatch.setattr(training_module, "load_category", lambda name: _Canonical())
+    monkeypatch.setattr(training_module, "CHECKPOINT_STEPS", 1)
+    whole = train(config, run_folder=tmp_path / "whole", output=tmp_path / "a.safetensors", device="cpu")
+
+    class Killed(Exception):
+        pass
+
+    def kill(run):
+        if run.step == 2:
+            raise Killed
+
+    original = training_module._Run.save
+    monkeypatch.setattr(training_module._Run, "save", lambda run: (original(run), kill(run)))
+    with pytest.raises(Killed):
+        train(config, run_folder=tmp_path / "broken", output=tmp_path / "b.safetensors", device="cpu")
+    assert not (tmp_path / "b.safetensors").exists()
+    monkeypatch.setattr(training_module._Run, "save", original)
+    resumed = train(config, run_folder=tmp_path / "broken", output=tmp_path / "b.safetensors", device="cpu")
+    assert resumed == pytest.approx(whole, rel=1e-4)
+
+
+def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypatch):
+    data = Dataset(folder)
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
+    (tmp_path / "run").mkdir()
+    state = {"config": json.dumps({"steps": 1})}
+    torch.save(state, tmp_path / "run" / "checkpoint.pt")
+    config = TrainingConfig(("mug",), samples=4, held_out=4, steps=2, batch=2)
+    with pytest.raises(SettingsError, match="other settings"):
+        train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
+
+
+class _Canonical:
+    canonical_sha256 = "abc"
