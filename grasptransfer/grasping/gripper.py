@@ -10,7 +10,7 @@ kinematics, so prismatic fingers and linkages are described alike.
 """
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,9 +77,9 @@ class FingerJoint:
     kind: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gripper:
-    """A two-finger gripper; build it with `load_gripper`.
+    """A two-finger gripper; build it with `load_gripper`. Compared and hashed by identity.
 
     Args:
         name: its name.
@@ -148,6 +148,16 @@ class Gripper:
         """Centres of the two pad faces (-x, +x) in the TCP frame [m]."""
         poses = self.link_poses(width)
         return np.stack([transform_points(poses[pad.link], pad.centre) for pad in self.pads])
+
+    def pad_heights(self, widths: Float[np.ndarray, "g"]) -> Float[np.ndarray, "g 2"]:
+        """z of the two pad centres in the TCP frame at each opening [m]; a linkage moves them."""
+        low, high = self._height_table.T
+        return np.stack([np.interp(widths, self.opening_table, pad) for pad in (low, high)], axis=1)
+
+    @cached_property
+    def _height_table(self) -> Float[np.ndarray, "t 2"]:
+        widths = np.clip(self.opening_table, *self.opening)
+        return np.stack([self.pad_centres(width)[:, 2] for width in widths])
 
     def approach_opening(self, width: float) -> float:
         """Opening [m] with which to approach something `width` [m] wide: 1 cm of room on each side."""

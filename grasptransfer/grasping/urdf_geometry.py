@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MOVING = ("prismatic", "revolute", "continuous")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Joint:
     """One joint of a chain.
 
@@ -45,7 +45,7 @@ class Joint:
         return self.parent_from_joint @ moved
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shape:
     """A convex primitive, or a mesh, in its link's frame.
 
@@ -62,7 +62,7 @@ class Shape:
     mesh: "trimesh.Trimesh" = field(repr=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FingerLink:
     """A link, its geometry in its own frame, and its chain of joints from the base."""
 

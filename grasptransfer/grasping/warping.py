@@ -101,16 +101,24 @@ def warp_grasps(
     contacts = _warped_contacts(grasps, field)
     warped = []
     for i, grasp in enumerate(grasps):
-        used, pose = method, rigid(rotations[i], positions[i])
+        used, pose, patches = method, rigid(rotations[i], positions[i]), contacts[i]
         if method == "contacts":
-            if contacts[i] is None:
+            if patches is None:
                 used = "jacobian"
             else:
-                pose = _fitted(grasp, contacts[i])
-        ends = None if contacts[i] is None else order_contacts(contacts[i][[0, 5]], pose)
+                pose = _fitted(grasp, patches)
+        ends = None if patches is None else order_contacts(patches[[0, 5]], pose)
         stretch = (float(stretches[i, 0]), float(stretches[i, 1]))
         warped.append(_warped(grasp, pose, ends, jacobians[i], used, stretch))
     return tuple(warped)
+
+
+def on_canonical(grasps: Sequence[Grasp]) -> tuple[WarpedGrasp, ...]:
+    """Grasps as they were annotated, on the canonical model itself."""
+    return tuple(
+        _warped(grasp, grasp.canonical_from_gripper, grasp.contacts, np.eye(3), "contacts", (1.0, 1.0))
+        for grasp in grasps
+    )
 
 
 def _nearest(

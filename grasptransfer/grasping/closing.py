@@ -1,0 +1,98 @@
+"""Where the pads touch when a gripper closes: ray casts between them, many grasps at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.surface import Surface
+
+RAYS = 5  # per pad side: 25 rays, 4.5 mm apart on a Panda's pad
+TOUCH = 0.001  # m behind the first hit that a soft pad also touches
+
+
+@dataclass(frozen=True)
+class Closing:
+    """What the two pads (-x, +x) meet, for g grasps.
+
+    Args:
+        points: middle of each touched patch, the mesh's frame [m]; NaN where nothing is touched.
+        normals: unit outward normals there, averaged over the patch.
+        local: the same points in the TCP frame [m].
+        touching: whether each pad meets anything.
+        coverage: touched share of each pad, 0 to 1.
+        cosines: of the angle between each normal and its pad's; 1 is flat, 0 grazing.
+        width: distance between the pads when both touch [m]; NaN where one does not.
+    """
+
+    points: Float[np.ndarray, "g 2 3"]
+    normals: Float[np.ndarray, "g 2 3"]
+    local: Float[np.ndarray, "g 2 3"]
+    touching: Bool[np.ndarray, "g 2"]
+    coverage: Float[np.ndarray, "g 2"]
+    cosines: Float[np.ndarray, "g 2"]
+    width: Float[np.ndarray, "g"]
+
+
+def _pad_grid(gripper: Gripper) -> Float[np.ndarray, "2 r 2"]:
+    """Ray origins on each pad, y and z from its centre [m]."""
+    # Rays stand in the middles of equal cells: each speaks for its share of the pad.
+    steps = (np.arange(RAYS) + 0.5) / RAYS - 0.5
+    cells = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    return np.stack([cells * pad.size for pad in gripper.pads])
+
+
+def close_pads(
+    surface: Surface,
+    object_from_gripper: Float[np.ndarray, "g 4 4"],
+    opening: Float[np.ndarray, "g"],
+    gripper: Gripper,
+    *,
+    expected: Float[np.ndarray, "g"] | None = None,
+) -> Closing:
+    """Close the pads of every grasp from its opening until they touch the surface.
+
+    Args:
+        object_from_gripper: TCP poses in the mesh's frame [m].
+        opening: distance between the pads at the start [m].
+        expected: about how wide the object is [m]: a linkage moves its pads along z as it closes.
+    """
+    grid = _pad_grid(gripper)
+    count, rays = len(object_from_gripper), grid.shape[1]
+    heights = gripper.pad_heights(opening if expected is None else expected)
+    rotation, position = object_from_gripper[:, :3, :3], object_from_gripper[:, :3, 3]
+    side = np.array([-1.0, 1.0])
+    starts = np.empty((count, 2, rays, 3))
+    starts[..., 0] = (opening[:, None] / 2 * side)[:, :, None]
+    starts[..., 1:] = grid
+    starts[..., 2] += heights[..., None]
+    origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
+    inward = -side[None, :, None] * rotation[:, None, :, 0]
+    directions = np.broadcast_to(inward[:, :, None], origins.shape)
+    distance, faces = surface.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
+    distance, faces = distance.reshape(count, 2, rays), faces.reshape(count, 2, rays)
+    # A pad can only touch what lies between the pads.
+    distance = np.where(distance < opening[:, None, None], distance, np.inf)
+    first = distance.min(axis=2)
+    touching = np.isfinite(first)
+    patch = (distance <= first[..., None] + TOUCH) & touching[..., None]
+    weight = patch / np.maximum(patch.sum(axis=2, keepdims=True), 1)
+    local = np.einsum("gpr,gprj->gpj", weight, starts)
+    travelled = np.where(touching, first, 0.0)
+    local[..., 0] -= side * travelled
+    points = np.einsum("gij,gpj->gpi", rotation, local) + position[:, None]
+    normals = np.einsum("gpr,gprj->gpj", weight, surface.mesh.face_normals[faces])
+    length = np.linalg.norm(normals, axis=2, keepdims=True)
+    normals = normals / np.where(length > 0, length, 1)
+    both = touching.all(axis=1)
+    nowhere = ~touching[..., None]
+    return Closing(
+        points=np.where(nowhere, np.nan, points),
+        normals=np.where(nowhere, np.nan, normals),
+        local=np.where(nowhere, np.nan, local),
+        touching=touching,
+        coverage=patch.mean(axis=2),
+        cosines=np.where(touching, -np.einsum("gpi,gpi->gp", normals, inward), 0.0),
+        width=np.where(both, local[:, 1, 0] - local[:, 0, 0], np.nan),
+    )

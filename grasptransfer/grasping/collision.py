@@ -1,0 +1,203 @@
+"""Whether a gripper can reach a grasp: opened, along its approach, and with something to close on.
+
+Every grasp gets a status and a sentence that names the link, the obstacle and how deep they overlap.
+"""
+
+import dataclasses
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.grasping.closing import Closing, close_pads
+from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.warping import WarpedGrasp
+from grasptransfer.grasping.world import CollisionWorld, OpenedGripper, Touch
+
+STEP = 0.004  # m between checked poses of the approach: less than a third of a finger's thickness
+SWEEP_STEP = 0.010  # m of opening between checks of the closing: each finger moves half of it
+LEAST_ROOM = 0.001  # m on each side of the object, below which the opened gripper does not get around it
+TRIED_ROOM = (0.005, 0.002)  # m on each side, tried where the usual room does not fit
+STRETCH_LIMITS = (0.4, 2.5)  # of the field's Jacobian; shapes of one category stay well within
+
+
+class GraspStatus(enum.Enum):
+    """Outcome of the check; `advice` says what to do about it."""
+
+    FREE = "free"
+    IN_COLLISION = "in collision"
+    BLOCKED_APPROACH = "blocked approach"
+    TOO_WIDE = "too wide"
+    NO_CONTACT = "no contact"
+    OUT_OF_SHAPE_SPACE = "out of the shape space"
+
+    @property
+    def advice(self) -> str:
+        """One sentence of advice."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    GraspStatus.FREE: "The gripper reaches this grasp and closes on the object.",
+    GraspStatus.IN_COLLISION: "Refine the grasp, use slimmer fingers, or clear the named obstacle away.",
+    GraspStatus.BLOCKED_APPROACH: "Come in along another direction, or shorten approach_distance.",
+    GraspStatus.TOO_WIDE: "Use a gripper that opens wider, or grasp the object elsewhere.",
+    GraspStatus.NO_CONTACT: "Refine the grasp: as it stands a pad closes beside the object.",
+    GraspStatus.OUT_OF_SHAPE_SPACE: "Do not trust this grasp: the object differs too much from its category.",
+}
+
+
+@dataclass(frozen=True)
+class GraspCheck:
+    """The answer for one grasp.
+
+    Args:
+        status: what was found.
+        reason: one sentence with the numbers.
+        opening: distance between the pads on the way in [m].
+        link, obstacle: what touches what, where something does.
+        depth: how far the obstacle reaches into the link [m].
+        before_grasp: how far before the grasp the approach is blocked [m].
+        contacts: points (2, 3) where the pads close, object frame [m], or None.
+        width: distance between the pads then [m], or None.
+        antipodality: cosine between the worse contact's normal and the closing axis; 1 is perfect.
+    """
+
+    status: GraspStatus
+    reason: str
+    opening: float
+    link: str | None = None
+    obstacle: str | None = None
+    depth: float | None = None
+    before_grasp: float | None = None
+    contacts: Float[np.ndarray, "2 3"] | None = None
+    width: float | None = None
+    antipodality: float | None = None
+
+    @property
+    def usable(self) -> bool:
+        """Whether the gripper reaches the grasp and closes on the object."""
+        return self.status is GraspStatus.FREE
+
+
+def check_grasps(
+    grasps: Sequence[WarpedGrasp], world: CollisionWorld, gripper: Gripper
+) -> tuple[GraspCheck, ...]:
+    """Check that the gripper reaches each grasp and closes on the object.
+
+    Args:
+        grasps: in the frame of the world's object.
+        world: the object and what stands around it.
+    """
+    if not grasps:
+        return ()
+    poses = np.stack([grasp.object_from_gripper for grasp in grasps])
+    found = [_reach(grasp, world, gripper) for grasp in grasps]
+    openings = np.array([check.opening for check in found])
+    widths = np.array([grasp.width for grasp in grasps])
+    closing = close_pads(world.surface, poses, openings, gripper, expected=widths)
+    return tuple(_close(check, closing, i) for i, check in enumerate(found))
+
+
+def _reach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper) -> GraspCheck:
+    """Status of the way in, before anything closes."""
+    usual = gripper.approach_opening(grasp.width) if grasp.opening is None else grasp.opening
+    usual = float(np.clip(usual, *gripper.opening))
+    low, high = grasp.stretch
+    if low < STRETCH_LIMITS[0] or high > STRETCH_LIMITS[1]:
+        reason = f"the deformation field stretches by {low:.2f} to {high:.2f} at this grasp"
+        return GraspCheck(GraspStatus.OUT_OF_SHAPE_SPACE, reason, usual)
+    if grasp.width + 2 * LEAST_ROOM > gripper.max_width:
+        reason = (
+            f"the object is {grasp.width * 1e3:.0f} mm wide here; "
+            f"{gripper.name} opens {gripper.max_width * 1e3:.0f} mm"
+        )
+        return GraspCheck(GraspStatus.TOO_WIDE, reason, usual)
+    tried = [usual, gripper.max_width, *(grasp.width + 2 * room for room in TRIED_ROOM)]
+    first = None
+    for opening in dict.fromkeys(float(np.clip(value, *gripper.opening)) for value in tried):
+        if opening < grasp.width + 2 * LEAST_ROOM:
+            continue
+        check = _approach(grasp, world, gripper, opening)
+        if check.usable:
+            return check
+        first = first or check
+    assert first is not None
+    return first
+
+
+def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening: float) -> GraspCheck:
+    """Status of one opening: at the grasp, then along the way in."""
+    opened, pose = OpenedGripper(gripper, opening), grasp.object_from_gripper
+    pairs = world.touching(pose, opened) or world.swallowed(pose, opened)
+    if pairs:
+        pads = {pad.link for pad in gripper.pads}
+        hit = {opened.parts[i].name for i, j in pairs if j == 0}
+        touch = world.deepest(pose, opened, pairs)
+        if pads <= hit and opening > gripper.max_width - 1e-6:
+            reason = f"both fingers hit the object with the gripper fully open ({opening * 1e3:.0f} mm)"
+            return _blocked(GraspStatus.TOO_WIDE, reason, opening, touch)
+        return _blocked(GraspStatus.IN_COLLISION, _overlap(touch), opening, touch)
+    steps = max(1, int(np.ceil(grasp.approach_distance / STEP)))
+    back = pose.copy()
+    for distance in np.linspace(grasp.approach_distance, 0, steps, endpoint=False):
+        back[:3, 3] = pose[:3, 3] - distance * pose[:3, 2]
+        pairs = world.touching(back, opened)
+        if pairs:
+            touch = world.deepest(back, opened, pairs)
+            reason = f"{distance * 1e3:.0f} mm before the grasp, {_overlap(touch)}"
+            return _blocked(GraspStatus.BLOCKED_APPROACH, reason, opening, touch, float(distance))
+    return _sweep(grasp, world, gripper, opening)
+
+
+def _sweep(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening: float) -> GraspCheck:
+    """Status of the closing itself: nothing but the object may stop the fingers."""
+    pose, pads = grasp.object_from_gripper, {pad.link for pad in gripper.pads}
+    last = max(grasp.width + 2 * LEAST_ROOM, gripper.opening[0])
+    for width in [*np.arange(opening - SWEEP_STEP, last, -SWEEP_STEP), last]:
+        opened = OpenedGripper(gripper, float(width))
+        pairs = [
+            (i, j)
+            for i, j in world.touching(pose, opened)
+            # A pad that touches the object early has simply closed.
+            if j != 0 or opened.parts[i].name not in pads
+        ]
+        if pairs:
+            touch = world.deepest(pose, opened, pairs)
+            reason = f"while closing, at {width * 1e3:.0f} mm, {_overlap(touch)}"
+            return _blocked(GraspStatus.IN_COLLISION, reason, opening, touch)
+    return GraspCheck(GraspStatus.FREE, "reachable", opening)
+
+
+def _overlap(touch: Touch) -> str:
+    if touch.depth < 1e-4:
+        return f"{touch.link} grazes {touch.obstacle}"
+    return f"{touch.link} reaches {touch.depth * 1e3:.1f} mm into {touch.obstacle}"
+
+
+def _blocked(
+    status: GraspStatus, reason: str, opening: float, touch: Touch, before: float | None = None
+) -> GraspCheck:
+    return GraspCheck(status, reason, opening, touch.link, touch.obstacle, touch.depth, before)
+
+
+def _close(check: GraspCheck, closing: Closing, i: int) -> GraspCheck:
+    """Add what the pads meet."""
+    if not check.usable:
+        return check
+    touching = closing.touching[i]
+    if not touching.all():
+        sides = [side for side, touches in zip(("-x", "+x"), touching, strict=True) if not touches]
+        reason = f"closing from {check.opening * 1e3:.0f} mm, the {' and the '.join(sides)} pad meets nothing"
+        return dataclasses.replace(check, status=GraspStatus.NO_CONTACT, reason=reason)
+    width, cosine = float(closing.width[i]), float(closing.cosines[i].min())
+    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return dataclasses.replace(
+        check,
+        reason=f"free; the pads close on {width * 1e3:.1f} mm, at most {angle:.0f} degrees from flat",
+        contacts=closing.points[i],
+        width=width,
+        antipodality=cosine,
+    )

@@ -1,0 +1,118 @@
+"""What stands around the object: obstacles and a support plane."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.errors import MeshError, PoseError, SceneError
+from grasptransfer.frames import check_rigid
+from grasptransfer.grasping.yaml_models import Strict, parse, read_yaml
+
+if TYPE_CHECKING:
+    import trimesh
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything a gripper must not touch, apart from the object itself.
+
+    Args:
+        obstacles: name, mesh in its own frame [m], `camera_from_obstacle` (4, 4) of each.
+        support_plane: a point [m] and the normal towards the free side, camera frame; None: no plane.
+
+    Raises:
+        SceneError: two obstacles of one name, or a plane that is none.
+        PoseError: an obstacle's pose is not rigid.
+    """
+
+    obstacles: "tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]" = ()
+    support_plane: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = field(default=None)
+
+    def __post_init__(self):
+        names = [name for name, _, _ in self.obstacles]
+        for name in names:
+            if names.count(name) > 1:
+                raise SceneError("two obstacles share a name", key="obstacles", value=name)
+        checked = tuple(
+            (name, mesh, check_rigid(pose, f"obstacles.{name}.camera_from_obstacle"))
+            for name, mesh, pose in self.obstacles
+        )
+        object.__setattr__(self, "obstacles", checked)
+        if self.support_plane is not None:
+            point, normal = (np.asarray(part, dtype=float) for part in self.support_plane)
+            finite = np.isfinite(point).all() and np.isfinite(normal).all()
+            if point.shape != (3,) or normal.shape != (3,) or not finite or np.linalg.norm(normal) < 1e-9:
+                raise SceneError(
+                    "must be a finite point and a normal that is not zero",
+                    key="support_plane",
+                    value=self.support_plane,
+                )
+            object.__setattr__(self, "support_plane", (point, normal / np.linalg.norm(normal)))
+
+
+class _ObstacleModel(Strict):
+    mesh: str | None = None
+    box: Triple | None = None
+    camera_from_obstacle: tuple[tuple[float, float, float, float], ...]
+
+
+class _PlaneModel(Strict):
+    point: Triple
+    normal: Triple
+
+
+class _SceneModel(Strict):
+    obstacles: Mapping[str, _ObstacleModel] = {}
+    support_plane: _PlaneModel | None = None
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene.
+
+    A YAML mapping: `support_plane: {point, normal}`; `obstacles: {name: {mesh or box,
+    camera_from_obstacle}}`, mesh files relative to the YAML, boxes by their extents; all in metres.
+
+    Raises:
+        SceneError: a mistake in it, named by file, key, value and choices.
+    """
+    path = Path(path)
+    model = parse(_SceneModel, read_yaml(path, error=SceneError), path, error=SceneError)
+    try:
+        obstacles = tuple(
+            (name, _mesh(name, obstacle, path), np.array(obstacle.camera_from_obstacle))
+            for name, obstacle in model.obstacles.items()
+        )
+        plane = model.support_plane
+        return Scene(obstacles, None if plane is None else (np.array(plane.point), np.array(plane.normal)))
+    except (PoseError, SceneError) as error:
+        if error.path is not None:
+            raise
+        raise SceneError(error.problem, path=path, key=error.key, value=error.value, fix=error.fix) from error
+
+
+def _mesh(name: str, model: _ObstacleModel, path: Path) -> "trimesh.Trimesh":
+    import trimesh
+
+    key = f"obstacles.{name}"
+    if (model.mesh is None) == (model.box is None):
+        raise SceneError("needs either mesh or box", path=path, key=key, choices=("mesh", "box"))
+    if model.box is not None:
+        if min(model.box) <= 0:
+            raise SceneError("must be positive", path=path, key=f"{key}.box", value=list(model.box))
+        return trimesh.creation.box(extents=model.box)
+    file = path.parent / str(model.mesh)
+    if not file.is_file():
+        raise SceneError("mesh file not found", path=path, key=f"{key}.mesh", value=model.mesh)
+    try:
+        mesh = trimesh.load_mesh(file)
+    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
+        raise SceneError(f"mesh cannot be read: {error}", path=file, key=f"{key}.mesh") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise MeshError("has no triangles", path=file, key=f"{key}.mesh")
+    return mesh

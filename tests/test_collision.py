@@ -1,0 +1,267 @@
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from grasptransfer.errors import MeshError, PoseError, SceneError
+from grasptransfer.frames import rigid
+from grasptransfer.grasping.closing import close_pads
+from grasptransfer.grasping.collision import GraspStatus, check_grasps
+from grasptransfer.grasping.grasps import Grasp
+from grasptransfer.grasping.gripper import load_gripper
+from grasptransfer.grasping.scene import Scene, load_scene
+from grasptransfer.grasping.surface import Surface
+from grasptransfer.grasping.warping import on_canonical, warp_grasps
+from grasptransfer.grasping.world import CollisionWorld, OpenedGripper
+
+PANDA = load_gripper("panda")
+DOWN = np.diag([1.0, -1.0, -1.0])  # approach along -z, closing along x
+TIP = 0.0088  # m from the Panda's TCP to its finger tips
+
+
+def box(x=0.03, y=0.03, z=0.1):
+    return trimesh.creation.box(extents=(x, y, z))
+
+
+def grasp_from_above(position=(0, 0, 0.04), width=0.03, rotation=DOWN, **kwargs):
+    return Grasp("g", "box", rigid(np.array(rotation), np.array(position, dtype=float)), width, **kwargs)
+
+
+def check(grasp, mesh=None, scene=None, gripper=PANDA, camera_from_object=None):
+    world = CollisionWorld(box() if mesh is None else mesh, scene, camera_from_object)
+    return check_grasps(on_canonical([grasp]), world, gripper)[0]
+
+
+def test_a_box_between_the_pads_is_free_and_its_width_is_measured():
+    result = check(grasp_from_above())
+    assert result.status is GraspStatus.FREE
+    assert result.usable
+    assert result.width == pytest.approx(0.03, abs=1e-6)
+    np.testing.assert_allclose(result.contacts[:, 0], [-0.015, 0.015], atol=1e-6)
+    assert result.antipodality == pytest.approx(1, abs=1e-6)
+    assert result.opening == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("shift", "free"), [(0.0098, True), (0.0102, False)])
+def test_the_gap_beside_the_finger_decides_to_a_fifth_of_a_millimetre(shift, free):
+    # Opened 20 mm wider than the box: 10 mm of room on each side.
+    grasp = grasp_from_above((shift, 0, 0.04), opening=0.05)
+    world = CollisionWorld(box())
+    touching = world.touching(grasp.canonical_from_gripper, OpenedGripper(PANDA, 0.05))
+    assert (not touching) == free
+
+
+@pytest.mark.parametrize("depth", [0.001, 0.003, 0.006])
+def test_the_collision_names_link_obstacle_and_depth(depth):
+    palm = 0.0374  # m from the TCP back to the Panda's palm
+    grasp = grasp_from_above((0, 0, 0.05 - palm - depth), approach_distance=0.0)
+    result = check(grasp)
+    assert result.status is GraspStatus.IN_COLLISION
+    assert (result.link, result.obstacle) == ("panda_hand", "object")
+    assert result.depth == pytest.approx(depth, abs=2e-4)
+    assert f"{result.depth * 1e3:.1f} mm" in result.reason
+
+
+def test_another_opening_is_tried_where_the_usual_one_does_not_fit():
+    walls = [box(0.01, 0.05, 0.1).apply_translation([side * 0.032, 0, -0.01]) for side in (-1, 1)]
+    scene = Scene(tuple((f"wall{i}", wall, np.eye(4)) for i, wall in enumerate(walls)))
+    alone = check(grasp_from_above(width=0.015), box(0.015))
+    narrow = check(grasp_from_above(width=0.015), box(0.015), scene)
+    # The finger is 14.4 mm thick: with 10 mm of room it would reach 31.9 mm, past the wall at 27 mm.
+    assert alone.opening == pytest.approx(0.035)
+    assert narrow.usable
+    assert narrow.opening == pytest.approx(0.025)
+
+
+def test_fingers_may_not_close_through_an_obstacle():
+    # Fully open the fingers stand outside the walls, and there is no room between wall and box.
+    walls = [box(0.01, 0.05, 0.1).apply_translation([side * 0.02, 0, 0]) for side in (-1, 1)]
+    scene = Scene(tuple((f"wall{i}", wall, np.eye(4)) for i, wall in enumerate(walls)))
+    assert check(grasp_from_above(opening=0.08, width=0.015), box(0.015)).usable
+    result = check(grasp_from_above(opening=0.08, width=0.015), box(0.015), scene)
+    assert result.status is GraspStatus.IN_COLLISION
+    assert "while closing" in result.reason
+    assert result.obstacle.startswith("wall")
+
+
+def test_an_object_wider_than_the_gripper_is_too_wide():
+    result = check(grasp_from_above(width=0.09), box(0.09))
+    assert result.status is GraspStatus.TOO_WIDE
+    assert "90 mm" in result.reason
+    assert "80 mm" in result.reason
+    unknown = check(grasp_from_above(width=0.05), box(0.09))
+    assert unknown.status in (GraspStatus.TOO_WIDE, GraspStatus.IN_COLLISION)
+
+
+def test_pads_that_close_on_nothing_are_told():
+    result = check(grasp_from_above((0, 0, 0.07)))
+    assert result.status is GraspStatus.NO_CONTACT
+    assert "-x and the +x pad" in result.reason
+
+
+def test_a_shelf_above_blocks_the_approach_and_is_named():
+    shelf = trimesh.creation.box(extents=(0.4, 0.4, 0.02))
+    scene = Scene((("shelf", shelf, rigid(np.eye(3), np.array([0, 0, 0.24]))),))
+    # The hand's back is 129 mm behind the TCP: free at the grasp (0.169), blocked 61 mm before it.
+    result = check(grasp_from_above(), scene=scene)
+    assert result.status is GraspStatus.BLOCKED_APPROACH
+    assert result.obstacle == "shelf"
+    assert 0.055 < result.before_grasp <= 0.1
+    assert check(grasp_from_above(approach_distance=0.05), scene=scene).usable
+
+
+def test_a_thin_sheet_across_the_way_in_is_not_jumped_over():
+    sheet = trimesh.creation.box(extents=(0.5, 0.5, 0.0002))
+    for height in np.linspace(0.075, 0.14, 6):
+        scene = Scene((("sheet", sheet, rigid(np.eye(3), np.array([0, 0, height]))),))
+        assert not check(grasp_from_above(), scene=scene).usable
+
+
+def test_the_support_plane_stops_fingers_that_reach_below_it():
+    plane = (np.array([0, 0, -0.05]), np.array([0, 0, 2.0]))
+    low = grasp_from_above((0, 0, -0.05 + TIP + 0.001), rotation=DOWN)
+    tall = box(z=0.03).apply_translation([0, 0, -0.035])
+    assert check(low, tall, Scene(support_plane=plane)).usable
+    deeper = grasp_from_above((0, 0, -0.05 + TIP - 0.002))
+    result = check(deeper, tall, Scene(support_plane=plane))
+    assert result.obstacle == "support plane"
+    assert result.depth == pytest.approx(0.002, abs=1e-9)
+
+
+def test_the_scene_is_given_in_the_camera_frame():
+    pose = rigid(Rotation.random(rng=np.random.default_rng(0)).as_matrix(), np.array([0.1, 0.2, 0.7]))
+    shelf = trimesh.creation.box(extents=(0.4, 0.4, 0.02))
+    scene = Scene((("shelf", shelf, pose @ rigid(np.eye(3), np.array([0, 0, 0.24]))),))
+    assert check(grasp_from_above(), scene=scene).usable
+    result = check(grasp_from_above(), scene=scene, camera_from_object=pose)
+    assert result.status is GraspStatus.BLOCKED_APPROACH
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 10_000))
+def test_the_verdict_stays_when_object_and_grasp_move_together(seed):
+    rng = np.random.default_rng(seed)
+    motion = rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-0.3, 0.3, 3))
+    # Off the symmetric places, where rounding would decide.
+    position = rng.uniform([-0.012, -0.03, 0.0], [0.012, 0.03, 0.06])
+    grasp, moved_mesh = grasp_from_above(position), box()
+    moved_mesh.apply_transform(motion)
+    moved = Grasp("g", "box", motion @ grasp.canonical_from_gripper, 0.03)
+    before, after = check(grasp), check(moved, moved_mesh)
+    assert before.status is after.status
+    assert before.link == after.link
+    if before.usable:
+        np.testing.assert_allclose(before.width, after.width, atol=1e-5)
+
+
+def test_fingers_wholly_inside_a_closed_body_are_found():
+    result = check(grasp_from_above((0, 0, 0), approach_distance=0.0), box(1, 1, 1))
+    assert result.status in (GraspStatus.IN_COLLISION, GraspStatus.TOO_WIDE)
+
+
+def test_a_grasp_that_the_field_tears_apart_is_not_trusted():
+    class Torn:
+        def __call__(self, points):
+            return points * 4
+
+        def jacobian(self, points):
+            return np.broadcast_to(4 * np.eye(3), (len(points), 3, 3))
+
+    warped = warp_grasps([grasp_from_above(width=0.01)], Torn(), method="jacobian")
+    (result,) = check_grasps(warped, CollisionWorld(box()), PANDA)
+    assert result.status is GraspStatus.OUT_OF_SHAPE_SPACE
+    assert all(status.advice.endswith(".") for status in GraspStatus)
+
+
+def test_a_batch_is_checked_as_one_by_one():
+    rng = np.random.default_rng(1)
+    grasps = [
+        Grasp(str(i), "b", rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-0.05, 0.05, 3)), 0.03)
+        for i in range(6)
+    ]
+    world = CollisionWorld(box())
+    together = check_grasps(on_canonical(grasps), world, PANDA)
+    alone = [check_grasps(on_canonical([grasp]), world, PANDA)[0] for grasp in grasps]
+    assert [c.status for c in together] == [c.status for c in alone]
+    assert [c.reason for c in together] == [c.reason for c in alone]
+    assert check_grasps([], world, PANDA) == ()
+
+
+@pytest.mark.parametrize("name", ["robotiq_2f85", "wsg50", "parallel_jaw"])
+def test_every_gripper_grasps_a_box(name):
+    result = check(grasp_from_above(), gripper=load_gripper(name))
+    assert result.usable
+    assert result.width == pytest.approx(0.03, abs=1e-6)
+
+
+def test_closing_meets_a_sphere_where_geometry_says():
+    sphere = trimesh.creation.icosphere(subdivisions=5, radius=0.03)
+    poses = np.stack([rigid(DOWN, np.array([x, 0, 0])) for x in (0.0, 0.004)])
+    closing = close_pads(Surface(sphere), poses, np.full(2, 0.08), PANDA)
+    # The middle ray of each pad passes through the sphere's centre.
+    np.testing.assert_allclose(closing.width, 0.06, atol=2e-4)
+    # Local x of the contacts tells how far the sphere's middle is off the TCP.
+    np.testing.assert_allclose(closing.local[1, :, 0].mean(), -0.004, atol=2e-4)
+    assert closing.cosines.min() > 0.97
+
+
+def test_points_inside_are_found_by_parity():
+    surface = Surface(trimesh.creation.annulus(0.02, 0.04, 0.06))
+    points = np.array([[0, 0, 0], [0.03, 0, 0], [0, 0.03, 0.029], [0, 0.03, 0.031], [0.05, 0, 0]])
+    np.testing.assert_array_equal(surface.contains(points), [False, True, True, False, False])
+
+
+def test_meshes_that_cannot_be_used_are_refused():
+    with pytest.raises(MeshError, match="millimetres"):
+        CollisionWorld(trimesh.creation.box(extents=(80, 80, 100)))
+    with pytest.raises(MeshError, match="no triangles"):
+        CollisionWorld(trimesh.Trimesh())
+
+
+SCENE = """\
+support_plane: {point: [0, 0, 0.8], normal: [0, -1, 0]}
+obstacles:
+  crate:
+    box: [0.2, 0.3, 0.1]
+    camera_from_obstacle: [[1, 0, 0, 0.2], [0, 1, 0, 0], [0, 0, 1, 0.9], [0, 0, 0, 1]]
+  can:
+    mesh: can.stl
+    camera_from_obstacle: [[1, 0, 0, 0.2], [0, 1, 0, 0], [0, 0, 1, 0.9], [0, 0, 0, 1]]
+"""
+
+
+def scene_file(folder, text):
+    trimesh.creation.cylinder(radius=0.03, height=0.1).export(folder / "can.stl")
+    (folder / "scene.yaml").write_text(text)
+    return folder / "scene.yaml"
+
+
+def test_a_scene_is_read_from_yaml(tmp_path):
+    scene = load_scene(scene_file(tmp_path, SCENE))
+    assert [name for name, _, _ in scene.obstacles] == ["crate", "can"]
+    np.testing.assert_allclose(scene.obstacles[0][1].extents, [0.2, 0.3, 0.1])
+    np.testing.assert_allclose(scene.support_plane[1], [0, -1, 0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "says"),
+    [
+        ("normal: [0, -1, 0]", "normal: [0, 0, 0]", SceneError, "not zero"),
+        ("normal:", "up:", SceneError, "normal"),
+        ("box: [0.2, 0.3, 0.1]", "box: [0.2, 0, 0.1]", SceneError, "positive"),
+        ("    box: [0.2, 0.3, 0.1]\n", "", SceneError, "mesh, box"),
+        ("can.stl", "gone.stl", SceneError, "gone.stl"),
+        ("[[1, 0, 0, 0.2]", "[[2, 0, 0, 0.2]", (SceneError, PoseError), "scaled"),
+        ("[[1, 0, 0, 0.2]", "[[1, 0, 0, 200]", (SceneError, PoseError), "millimetres"),
+        ("obstacles:", "obstacle:", SceneError, "known: obstacles, support_plane"),
+    ],
+)
+def test_a_mistake_in_a_scene_is_named(tmp_path, old, new, error, says):
+    assert old in SCENE
+    path = scene_file(tmp_path, SCENE.replace(old, new, 1))
+    with pytest.raises(error) as caught:
+        load_scene(path)
+    assert says in str(caught.value)
+    assert str(tmp_path) in str(caught.value)
