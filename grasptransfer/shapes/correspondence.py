@@ -7,26 +7,41 @@ from scipy.spatial import cKDTree
 from grasptransfer.shapes.shape import Shape
 
 OFF_SURFACE = 1e-3  # m: a point further from the canonical surface has no counterpart
-_GRID = 4  # sample points along each edge of a face, by which the nearest face is found
+_SPACING = 0.02  # between the points by which the nearest face is found, share of the surface's size
+_CANDIDATES = (8, 64)  # nearest of those points whose faces are tried: first, and where that found no contact
+_CONTACT = 1e-6  # m
 
 
 class SurfaceLocator:
     """Finds the face and the barycentric weights of points on a surface."""
 
     def __init__(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]):
-        i, j = np.meshgrid(np.arange(_GRID), np.arange(_GRID), indexing="ij")
-        inside = i + j < _GRID
-        first, second = (i[inside] + 1 / 3) / _GRID, (j[inside] + 1 / 3) / _GRID
-        weights = np.stack([1 - first - second, first, second], -1)
         self._corners = vertices[faces]
-        self._faces_of_samples = np.repeat(np.arange(len(faces)), len(weights))
-        self._tree = cKDTree(np.einsum("sc,fcd->fsd", weights, self._corners).reshape(-1, 3))
+        longest = np.linalg.norm(self._corners - np.roll(self._corners, 1, axis=1), axis=-1).max(1)
+        spacing = _SPACING * np.linalg.norm(np.ptp(vertices, axis=0))
+        steps = np.clip(np.ceil(longest / spacing).astype(int), 1, 40)
+        samples, owners = [], []
+        for count in np.unique(steps).tolist():
+            chosen = np.flatnonzero(steps == count)
+            weights = _weights_over_face(count)
+            samples.append(np.einsum("sc,fcd->fsd", weights, self._corners[chosen]).reshape(-1, 3))
+            owners.append(np.repeat(chosen, len(weights)))
+        self._faces_of_samples = np.concatenate(owners)
+        self._tree = cKDTree(np.concatenate(samples))
 
     def locate(
         self, points: Float[np.ndarray, "m 3"]
     ) -> tuple[Int[np.ndarray, "m"], Float[np.ndarray, "m 3"], Float[np.ndarray, "m"]]:
         """Face, barycentric weights of the nearest surface point, and the distance to it [m]."""
-        candidates = self._faces_of_samples[self._tree.query(points, k=6)[1]]
+        face, weights, distance = self._nearest(points, _CANDIDATES[0])
+        # Where a large face meets many small ones, their points crowd out its own.
+        off = np.flatnonzero(distance > _CONTACT)
+        if len(off):
+            face[off], weights[off], distance[off] = self._nearest(points[off], _CANDIDATES[1])
+        return face, weights, distance
+
+    def _nearest(self, points: Float[np.ndarray, "m 3"], count: int):
+        candidates = self._faces_of_samples[self._tree.query(points, k=count)[1]]
         weights = _nearest_weights(self._corners[candidates], points[:, None])
         nearest = np.einsum("mkc,mkcd->mkd", weights, self._corners[candidates])
         distance = np.linalg.norm(nearest - points[:, None], axis=-1)
@@ -60,6 +75,14 @@ def locator(shape: Shape) -> SurfaceLocator:
         # Kept beside the cached properties of the frozen shape: it lives exactly as long.
         known = shape.__dict__["_locator"] = SurfaceLocator(shape.vertices, shape.faces)
     return known
+
+
+def _weights_over_face(count: int) -> Float[np.ndarray, "s 3"]:
+    """Barycentric weights of points spread over a face, `count` along each edge."""
+    i, j = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
+    inside = i + j < count
+    first, second = (i[inside] + 1 / 3) / count, (j[inside] + 1 / 3) / count
+    return np.stack([1 - first - second, first, second], -1)
 
 
 def _nearest_weights(

@@ -9,6 +9,7 @@ from grasptransfer.shapes.textures import (
     BLACK,
     WHITE,
     Colour,
+    Ink,
     canvas,
     contrast,
     draw_colour,
@@ -104,7 +105,7 @@ def write(
     image: Image.Image,
     text: str,
     box: tuple[float, float, float, float],
-    colour: Colour,
+    colour: Ink,
     *,
     bold: bool = False,
 ) -> None:
@@ -131,7 +132,7 @@ def write(
 
 
 def logo(
-    image: Image.Image, rng: np.random.Generator, box: tuple[float, float, float, float], colour: Colour
+    image: Image.Image, rng: np.random.Generator, box: tuple[float, float, float, float], colour: Ink
 ) -> None:
     """A simple mark inside the box (left, top, right, bottom) [px]."""
     draw = ImageDraw.Draw(image)
@@ -209,7 +210,7 @@ def label(rng: np.random.Generator, width: int, height: int, *, colour: Colour |
 
 
 def _ornament(
-    draw: ImageDraw.ImageDraw, rng: np.random.Generator, width: int, height: int, colour: Colour
+    draw: ImageDraw.ImageDraw, rng: np.random.Generator, width: int, height: int, colour: Ink
 ) -> None:
     kind, band = rng.integers(5), rng.uniform(0.04, 0.2) * height
     if kind == 0:
@@ -229,7 +230,7 @@ def _panel(
     draw: ImageDraw.ImageDraw,
     rng: np.random.Generator,
     box: tuple[float, float, float, float],
-    colour: Colour,
+    colour: Ink,
 ) -> None:
     kind = rng.integers(3)
     if kind == 0:
@@ -241,7 +242,7 @@ def _panel(
 
 
 def _small_print(
-    image: Image.Image, rng: np.random.Generator, box: tuple[float, float, float, float], colour: Colour
+    image: Image.Image, rng: np.random.Generator, box: tuple[float, float, float, float], colour: Ink
 ) -> None:
     draw = ImageDraw.Draw(image)
     left, top, right, bottom = box

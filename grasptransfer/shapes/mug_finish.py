@@ -1,19 +1,14 @@
 """What mugs are made of and printed with: glaze, prints, enamel, steel, glass, or plain grey."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
 
 from grasptransfer.shapes import labels, textures
+from grasptransfer.shapes.mug_parameters import MugParameters
 from grasptransfer.shapes.shape import Material
 from grasptransfer.shapes.textures import Colour
-
-if TYPE_CHECKING:
-    from grasptransfer.shapes.mug import MugParameters
 
 _SIZE = (512, 384)
 _DRINKS: tuple[Colour, ...] = ((46, 26, 14), (160, 112, 66), (150, 74, 20), (236, 228, 214), (190, 60, 30))
@@ -36,10 +31,16 @@ def canonical_materials() -> MugMaterials:
 
 def draw_materials(p: MugParameters, rng: np.random.Generator) -> MugMaterials:
     """Random materials that suit these parameters."""
-    drink = Material.plain(np.array(_DRINKS[rng.integers(len(_DRINKS))]) / 255, roughness=0.3)
+    drink = _drink(p, rng)
     style = str(rng.choice(list(_STYLES), p=[share for share, _ in _STYLES.values()]))
     body, handle = _STYLES[style][1](p, rng)
     return MugMaterials(body, handle, drink)
+
+
+def _drink(p: MugParameters, rng: np.random.Generator) -> Material:
+    colour = np.array(_DRINKS[rng.integers(len(_DRINKS))]) / 255
+    # An empty mug keeps the part, for the topology, and hides it.
+    return Material.plain((*colour, 1.0 if p.fill > 0.1 else 0.0), roughness=0.3)
 
 
 def _grey(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Material]:
@@ -71,11 +72,14 @@ def _two_tone(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Mat
 def _patterned(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Material]:
     colour = _glaze_colour(rng)
     image = _new_canvas(colour)
-    low, high = (0.06, 0.70) if rng.random() < 0.6 else sorted(rng.uniform(0.1, 0.68, 2))
-    high = max(high, low + 0.1)
-    width, height = _patch(p, 1.0, high - low)
     others = [textures.contrast(colour, rng), *(textures.draw_colour(rng) for _ in range(rng.integers(0, 3)))]
-    textures.paste(image, textures.pattern(rng, width, height, [colour, *others]), (0, low, 1, high))
+    if rng.random() < 0.25:
+        textures.paste(image, textures.glaze(rng, 512, 256, [colour, *others]), (0, 0.0, 1, 0.72))
+    else:
+        low, high = (0.06, 0.70) if rng.random() < 0.6 else sorted(rng.uniform(0.1, 0.68, 2))
+        high = max(high, low + 0.1)
+        width, height = _patch(p, 1.0, high - low)
+        textures.paste(image, textures.pattern(rng, width, height, [colour, *others]), (0, low, 1, high))
     return _glazed(image, colour if rng.random() < 0.7 else others[0], rng)
 
 

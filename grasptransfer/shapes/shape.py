@@ -1,5 +1,6 @@
 """A parametric object: textured watertight parts whose vertices correspond between samples."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -24,7 +25,9 @@ class Material:
     roughness: float = 0.6
 
     @staticmethod
-    def plain(colour: tuple[float, ...], *, metallic: float = 0.0, roughness: float = 0.6) -> "Material":
+    def plain(
+        colour: Sequence[float] | Float[np.ndarray, "c"], *, metallic: float = 0.0, roughness: float = 0.6
+    ) -> "Material":
         """One sRGB colour, each channel in [0, 1]; a fourth number is opacity."""
         pixel = np.clip(np.round(255 * np.asarray(colour, float)), 0, 255).astype(np.uint8)
         return Material(np.broadcast_to(pixel, (4, 4, len(pixel))).copy(), metallic, roughness)

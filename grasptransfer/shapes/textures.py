@@ -12,6 +12,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw
 
 Colour = tuple[int, int, int]
+Ink = tuple[int, ...]  # a colour, perhaps with opacity as a fourth number
 
 WHITE: Colour = (246, 245, 242)
 BLACK: Colour = (24, 24, 26)
@@ -44,7 +45,7 @@ def draw_colour(rng: np.random.Generator) -> Colour:
 _KINDS = [0.2, 0.1, 0.1, 0.1, 0.14, 0.12, 0.24]
 
 
-def contrast(colour: Colour, rng: np.random.Generator) -> Colour:
+def contrast(colour: Ink, rng: np.random.Generator) -> Colour:
     """A colour that shows on `colour`."""
     for _ in range(8):
         other = draw_colour(rng)
@@ -53,16 +54,16 @@ def contrast(colour: Colour, rng: np.random.Generator) -> Colour:
     return BLACK if luminance(colour) > 128 else WHITE
 
 
-def luminance(colour: Colour) -> float:
+def luminance(colour: Ink) -> float:
     """Perceived brightness, 0 to 255."""
     return 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
 
 
-def shade(colour: Colour, factor: float) -> Colour:
+def shade(colour: Ink, factor: float) -> Colour:
     """The colour made darker (below 1) or lighter (above 1)."""
     if factor <= 1:
-        return tuple(int(channel * factor) for channel in colour)
-    return tuple(int(255 - (255 - channel) / factor) for channel in colour)
+        return tuple(int(channel * factor) for channel in colour[:3])
+    return tuple(int(255 - (255 - channel) / factor) for channel in colour[:3])
 
 
 def canvas(width: int, height: int, colour: Colour) -> Image.Image:
@@ -99,10 +100,13 @@ def paste(
 def smooth_noise(
     rng: np.random.Generator, width: int, height: int, *, cells: int = 6
 ) -> Float[np.ndarray, "h w"]:
-    """Soft blotches in about [-1, 1]: `cells` of them along the longer side."""
+    """Soft blotches in about [-1, 1]: `cells` of them along the longer side; left meets right."""
     share = cells / max(width, height)
     coarse = rng.normal(0, 0.5, (max(int(height * share), 2), max(int(width * share), 2))).astype(np.float32)
-    return np.asarray(Image.fromarray(coarse).resize((width, height), Image.Resampling.BICUBIC))
+    columns = coarse.shape[1]
+    around = Image.fromarray(np.pad(coarse, ((0, 0), (2, 2)), mode="wrap"))
+    box = (2, 0, 2 + columns, coarse.shape[0])
+    return np.asarray(around.resize((width, height), Image.Resampling.BICUBIC, box=box))
 
 
 def grained(image: Image.Image, rng: np.random.Generator, strength: float) -> UInt8[np.ndarray, "h w c"]:
@@ -204,14 +208,14 @@ def glaze(rng: np.random.Generator, width: int, height: int, colours: list[Colou
     blotch = smooth_noise(rng, width, height, cells=int(rng.integers(4, 16)))
     if rng.random() < 0.6:
         rise = np.linspace(1, 0, height)[:, None] - rng.uniform(0.25, 0.75)
-        mix = np.clip((rise + 0.06 * blotch) * rng.choice([4, 12, 40]) + 0.5, 0, 1)
+        mix = np.clip((rise + 0.1 * blotch) * rng.choice([4, 12, 40]) + 0.5, 0, 1)
     else:
         mix = np.clip(0.5 + 0.9 * np.sin(4 * blotch), 0, 1)
     first, second = np.array(colours[0], float), np.array(colours[1], float)
     return Image.fromarray((first + mix[..., None] * (second - first)).astype(np.uint8))
 
 
-PATTERNS: tuple[Callable, ...] = (stripes, dots, checks, waves, speckles, glaze)
+PATTERNS: tuple[Callable, ...] = (stripes, dots, checks, waves, speckles)
 
 
 def pattern(

@@ -1,0 +1,165 @@
+"""The parameters of a mug and their ranges, set to span the mugs that people own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class MugParameters:
+    """What makes one mug; metres, or shares as said. `draw` documents the ranges.
+
+    Args:
+        height: of the body.
+        radius: of the body at the rim.
+        base: radius at the bottom as a share of `radius`.
+        curve: exponent of the way from base to rim: 1 a cone, below 1 a bowl, above 1 a trumpet.
+        belly: bulge half-way up, share of `radius`; negative is a waist. belly_at: its height, share.
+        lip: outward flare of the uppermost part, share of `radius`.
+        bottom_round: radius of the lower edge, share of `radius`.
+        foot, foot_inset: height of the foot ring, and how much narrower it is (share).
+        recess: how far the underside is hollowed.
+        wall, floor: thickness.
+        square: exponent of the section: 2 round, 4 a rounded square.
+        bands, band_size: raised rings around the body, and how far they stand out.
+        handle_top, handle_bottom: heights of its ends, share of `height`.
+        reach: how far the handle's centre line stands off the wall.
+        peak: where it is furthest, share of the way from its lower to its upper end.
+        square_top, square_bottom: exponents of its two quarters: 2 an arc, 5 a corner, 1.2 a straight slope.
+        swell: how far it rises above and below its ends, share of its height.
+        tilt: outward lean of its upper part (negative: of its lower part), share of `reach`.
+        gap: 0 if the lower end meets the wall, else how far off it hangs, share of `reach`.
+        thickness, width: of the bar, across and along the wall. bar: exponent of its section.
+        pinch: how much narrower the bar is half-way, share. root: how much thicker at the wall, share.
+        fill: level of what is in it, share of the inside; seen through glass only.
+    """
+
+    height: float = 0.095
+    radius: float = 0.041
+    base: float = 0.97
+    curve: float = 1.0
+    belly: float = 0.0
+    belly_at: float = 0.5
+    lip: float = 0.0
+    bottom_round: float = 0.12
+    foot: float = 0.001
+    foot_inset: float = 0.04
+    recess: float = 0.002
+    wall: float = 0.0042
+    floor: float = 0.006
+    square: float = 2.0
+    bands: int = 0
+    band_size: float = 0.0
+    handle_top: float = 0.80
+    handle_bottom: float = 0.24
+    reach: float = 0.028
+    peak: float = 0.53
+    square_top: float = 2.5
+    square_bottom: float = 2.3
+    swell: float = 0.04
+    tilt: float = 0.0
+    gap: float = 0.0
+    thickness: float = 0.0085
+    width: float = 0.0135
+    bar: float = 2.4
+    pinch: float = 0.05
+    root: float = 0.12
+    fill: float = 0.02
+
+    @staticmethod
+    def draw(rng: np.random.Generator) -> "MugParameters":
+        """A plausible mug; straight, tapered, bellied, espresso, soup, latte or keg."""
+        kind = str(rng.choice(list(_KINDS), p=[share for share, _ in _KINDS.values()]))
+        ranges = {**_COMMON, **_KINDS[kind][1]}
+        values = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
+        values |= _draw_handle(rng, values["height"])
+        if rng.random() < 0.55:  # half of all mugs stand flat, without a visible foot
+            values |= {"foot": 0.0006, "foot_inset": 0.0}
+        if rng.random() < 0.06:
+            values["square"] = float(rng.uniform(2.6, 5))
+        if rng.random() < (0.8 if kind == "keg" else 0.08):
+            values |= {"bands": int(rng.integers(1, 4)), "band_size": float(rng.uniform(0.0006, 0.0022))}
+        return MugParameters(**values)
+
+
+_COMMON = {
+    "height": (0.080, 0.112),
+    "radius": (0.034, 0.046),
+    "base": (0.94, 1.02),
+    "curve": (0.8, 1.3),
+    "belly": (-0.03, 0.03),
+    "belly_at": (0.35, 0.65),
+    "lip": (0.0, 0.02),
+    "bottom_round": (0.03, 0.28),
+    "foot": (0.001, 0.006),
+    "foot_inset": (0.02, 0.15),
+    "recess": (0.0008, 0.004),
+    "wall": (0.0025, 0.0065),
+    "floor": (0.004, 0.010),
+}
+# Share of all mugs, and the ranges that differ from the common ones.
+_KINDS: dict[str, tuple[float, dict[str, tuple[float, float]]]] = {
+    "straight": (0.36, {"wall": (0.0022, 0.008)}),
+    "tapered": (
+        0.20,
+        {"base": (0.6, 0.92), "curve": (0.45, 1.7), "radius": (0.038, 0.056), "bottom_round": (0.03, 0.4)},
+    ),
+    "bellied": (
+        0.12,
+        {"base": (0.7, 1.0), "belly": (0.06, 0.22), "lip": (0.0, 0.10), "radius": (0.033, 0.045)},
+    ),
+    "espresso": (
+        0.08,
+        {"height": (0.048, 0.068), "radius": (0.026, 0.036), "base": (0.6, 0.98), "curve": (0.5, 1.4)},
+    ),
+    "soup": (
+        0.09,
+        {
+            **{"height": (0.055, 0.085), "radius": (0.050, 0.068), "base": (0.5, 0.9)},
+            **{"curve": (0.4, 1.0), "lip": (0, 0.05)},
+        },
+    ),
+    "latte": (
+        0.07,
+        {
+            **{"height": (0.11, 0.14), "radius": (0.038, 0.047), "base": (0.55, 0.85)},
+            **{"curve": (0.8, 1.6), "lip": (0, 0.08)},
+        },
+    ),
+    "trumpet": (
+        0.04,
+        {"base": (0.6, 0.75), "curve": (1.6, 2.6), "radius": (0.045, 0.056), "height": (0.07, 0.09)},
+    ),
+    "keg": (0.04, {"belly": (-0.02, 0.18), "base": (0.9, 1.15), "wall": (0.004, 0.008)}),
+}
+
+
+def _draw_handle(rng: np.random.Generator, height: float) -> dict[str, float]:
+    kind = rng.choice(["C", "D", "ear", "square", "hook"], p=[0.34, 0.26, 0.2, 0.17, 0.03])
+    squares = {
+        "C": ((1.8, 2.3), (1.8, 2.3)),
+        "D": ((2.3, 3.5), (2.3, 3.5)),
+        "ear": ((1.9, 3.6), (1.1, 1.7)),
+        "square": ((3.5, 7.0), (3.5, 7.0)),
+        "hook": ((4.0, 7.0), (3.0, 5.0)),
+    }[str(kind)]
+    top = rng.uniform(0.70, 0.95)
+    bottom = rng.uniform(0.08, 0.42)
+    values = {
+        "handle_top": top,
+        "handle_bottom": min(bottom, top - 0.36),
+        "reach": float(np.clip(height * rng.uniform(0.18, 0.37), 0.014, 0.037)),
+        "peak": rng.uniform(0.58, 0.82) if kind == "ear" else rng.uniform(0.38, 0.66),
+        "square_top": rng.uniform(*squares[0]),
+        "square_bottom": rng.uniform(*squares[1]),
+        "swell": rng.uniform(-0.03, 0.2) if kind != "hook" else 0.0,
+        "tilt": rng.normal(0.2 if kind == "ear" else 0.0, 0.16),
+        "gap": rng.uniform(0.5, 0.9) if kind == "hook" else 0.0,
+        "thickness": rng.uniform(0.0045, 0.0115) * (0.75 if height < 0.07 else 1),
+        "width": rng.uniform(0.007, 0.019) * (0.75 if height < 0.07 else 1),
+        "bar": rng.uniform(2.0, 4.5),
+        "pinch": rng.uniform(-0.1, 0.3),
+        "root": rng.uniform(0.0, 0.45),
+        "fill": rng.uniform(0.4, 0.9) if rng.random() < 0.6 else 0.02,
+    }
+    return {name: float(value) for name, value in values.items()}
