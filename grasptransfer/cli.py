@@ -13,10 +13,11 @@ import tyro
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from grasptransfer.benchmark.command_line import COMMANDS as BENCHMARKS
 from grasptransfer.errors import GraspTransferError
+from grasptransfer.report.progress import progress_bar
 
 Positional = tyro.conf.Positional
 console = Console()
@@ -31,7 +32,7 @@ def demo(*, out: Path = Path("demo_out"), seed: int = 0) -> int:
     """
     from grasptransfer.report.demo import run_demo
 
-    with _bar() as progress:
+    with progress_bar(console) as progress:
         outcome = run_demo(out, seed=seed, on_stage=lambda text: progress.console.print(f"  {text}"))
     console.print(outcome.sentence)
     return 0 if outcome.usable else 1
@@ -142,7 +143,7 @@ def train(
         seed=seed,
     )
     output = output or default_output(names)
-    with _bar() as progress:
+    with progress_bar(console) as progress:
         rendering = progress.add_task("rendering", total=None)
         training = progress.add_task("training", total=steps)
 
@@ -231,64 +232,6 @@ def frames(gripper: Positional[str] = "panda", *, picture: Path | None = None) -
     return 0
 
 
-def bench_registration(
-    *,
-    json: Path,
-    categories: tuple[str, ...] = (),
-    meshes: Path | None = None,
-    views: int = 74,
-    workers: int = 2,
-    seed: int = 0,
-) -> int:
-    """Errors of rgb, cls, cpd, rigid, similarity and true offsets on the same views (the paper's table I).
-
-    Args:
-        json: file for the results.
-        categories: names; none given: all that have weights.
-        meshes: folder of <category>/<name>/mesh.*; none: the shipped test instances.
-        views: of the 74 viewpoints, spread evenly.
-        workers: processes.
-        seed: of lights and backgrounds.
-    """
-    from grasptransfer.benchmark.registration import RegistrationSettings, run_registration_benchmark
-
-    settings = RegistrationSettings(_trained(categories), meshes, views, seed)
-    return _bench(lambda tick: run_registration_benchmark(settings, workers=workers, progress=tick), json)
-
-
-def bench_pose_noise(
-    *,
-    json: Path,
-    categories: tuple[str, ...] = (),
-    meshes: Path | None = None,
-    views: int = 74,
-    translation: float = 0.05,
-    rotation: float = 0.0,
-    workers: int = 2,
-    seed: int = 0,
-) -> int:
-    """The same with a wrong pose told to every method (the paper's table II).
-
-    Args:
-        json: file for the results.
-        categories: names; none given: all that have weights.
-        meshes: folder of <category>/<name>/mesh.*; none: the shipped test instances.
-        views: of the 74 viewpoints, spread evenly.
-        translation: half-width of the uniform error on each axis [m].
-        rotation: largest turn about a random axis [degrees].
-        workers: processes.
-        seed: of lights, backgrounds and pose errors.
-    """
-    import math
-
-    from grasptransfer.benchmark.registration import RegistrationSettings, run_pose_noise_benchmark
-
-    settings = RegistrationSettings(
-        _trained(categories), meshes, views, seed, translation, math.radians(rotation), refine_pose=True
-    )
-    return _bench(lambda tick: run_pose_noise_benchmark(settings, workers=workers, progress=tick), json)
-
-
 def category_list() -> int:
     """List the shipped categories."""
     from grasptransfer.category import list_categories, load_category
@@ -348,38 +291,6 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(code)
 
 
-def _bar() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-    )
-
-
-def _bench(run: Callable[[Callable[[int, int], None]], dict], path: Path) -> int:
-    """Run a benchmark under a progress bar, write its JSON and print its summary."""
-    from grasptransfer.benchmark.document import write_document
-
-    with _bar() as progress:
-        task = progress.add_task("instances", total=None)
-        result = run(lambda done, total: progress.update(task, completed=done, total=total))
-    write_document(result, path)
-    table = Table("measure", "value", title=result["benchmark"])
-    for name, value in result["summary"].items():
-        table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
-    console.print(table)
-    console.print(f"Rows and settings: {path}")
-    return 0
-
-
-def _trained(categories: tuple[str, ...]) -> tuple[str, ...]:
-    from grasptransfer.perception.weights import trained_categories
-
-    return categories or trained_categories()
-
-
 def _group(name: str) -> Callable[[], int]:
     def show() -> int:
         main([name, "--help"])
@@ -391,7 +302,7 @@ def _group(name: str) -> Callable[[], int]:
 
 GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
     "category": {"list": category_list, "info": category_info, "check": category_check},
-    "bench": {"registration": bench_registration, "pose-noise": bench_pose_noise},
+    "bench": BENCHMARKS,
 }
 COMMANDS: dict[str, Callable[..., Any]] = {
     "demo": demo,
