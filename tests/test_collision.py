@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from grasptransfer.errors import MeshError, PoseError, SceneError
 from grasptransfer.frames import rigid
 from grasptransfer.grasping.closing import close_pads
-from grasptransfer.grasping.collision import GraspStatus, check_grasps
+from grasptransfer.grasping.collision import CheckStatus, check_grasps
 from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.gripper import load_gripper
 from grasptransfer.grasping.scene import Scene, load_scene
@@ -36,7 +36,7 @@ def check(grasp, mesh=None, scene=None, gripper=PANDA, camera_from_object=None):
 
 def test_a_box_between_the_pads_is_free_and_its_width_is_measured():
     result = check(grasp_from_above())
-    assert result.status is GraspStatus.FREE
+    assert result.status is CheckStatus.FREE
     assert result.usable
     assert result.width == pytest.approx(0.03, abs=1e-6)
     np.testing.assert_allclose(result.contacts[:, 0], [-0.015, 0.015], atol=1e-6)
@@ -58,7 +58,7 @@ def test_the_collision_names_link_obstacle_and_depth(depth):
     palm = 0.0374  # m from the TCP back to the Panda's palm
     grasp = grasp_from_above((0, 0, 0.05 - palm - depth), approach_distance=0.0)
     result = check(grasp)
-    assert result.status is GraspStatus.IN_COLLISION
+    assert result.status is CheckStatus.IN_COLLISION
     assert (result.link, result.obstacle) == ("panda_hand", "object")
     assert result.depth == pytest.approx(depth, abs=2e-4)
     assert f"{result.depth * 1e3:.1f} mm" in result.reason
@@ -81,23 +81,23 @@ def test_fingers_may_not_close_through_an_obstacle():
     scene = Scene(tuple((f"wall{i}", wall, np.eye(4)) for i, wall in enumerate(walls)))
     assert check(grasp_from_above(opening=0.08, width=0.015), box(0.015)).usable
     result = check(grasp_from_above(opening=0.08, width=0.015), box(0.015), scene)
-    assert result.status is GraspStatus.IN_COLLISION
+    assert result.status is CheckStatus.IN_COLLISION
     assert "while closing" in result.reason
     assert result.obstacle.startswith("wall")
 
 
 def test_an_object_wider_than_the_gripper_is_too_wide():
     result = check(grasp_from_above(width=0.09), box(0.09))
-    assert result.status is GraspStatus.TOO_WIDE
+    assert result.status is CheckStatus.TOO_WIDE
     assert "90 mm" in result.reason
     assert "80 mm" in result.reason
     unknown = check(grasp_from_above(width=0.05), box(0.09))
-    assert unknown.status in (GraspStatus.TOO_WIDE, GraspStatus.IN_COLLISION)
+    assert unknown.status in (CheckStatus.TOO_WIDE, CheckStatus.IN_COLLISION)
 
 
 def test_pads_that_close_on_nothing_are_told():
     result = check(grasp_from_above((0, 0, 0.07)))
-    assert result.status is GraspStatus.NO_CONTACT
+    assert result.status is CheckStatus.NO_CONTACT
     assert "-x and the +x pad" in result.reason
 
 
@@ -106,7 +106,7 @@ def test_a_shelf_above_blocks_the_approach_and_is_named():
     scene = Scene((("shelf", shelf, rigid(np.eye(3), np.array([0, 0, 0.24]))),))
     # The hand's back is 129 mm behind the TCP: free at the grasp (0.169), blocked 61 mm before it.
     result = check(grasp_from_above(), scene=scene)
-    assert result.status is GraspStatus.BLOCKED_APPROACH
+    assert result.status is CheckStatus.BLOCKED_APPROACH
     assert result.obstacle == "shelf"
     assert 0.055 < result.before_grasp <= 0.1
     assert check(grasp_from_above(approach_distance=0.05), scene=scene).usable
@@ -136,7 +136,7 @@ def test_the_scene_is_given_in_the_camera_frame():
     scene = Scene((("shelf", shelf, pose @ rigid(np.eye(3), np.array([0, 0, 0.24]))),))
     assert check(grasp_from_above(), scene=scene).usable
     result = check(grasp_from_above(), scene=scene, camera_from_object=pose)
-    assert result.status is GraspStatus.BLOCKED_APPROACH
+    assert result.status is CheckStatus.BLOCKED_APPROACH
 
 
 @settings(max_examples=8, deadline=None)
@@ -158,7 +158,7 @@ def test_the_verdict_stays_when_object_and_grasp_move_together(seed):
 
 def test_fingers_wholly_inside_a_closed_body_are_found():
     result = check(grasp_from_above((0, 0, 0), approach_distance=0.0), box(1, 1, 1))
-    assert result.status in (GraspStatus.IN_COLLISION, GraspStatus.TOO_WIDE)
+    assert result.status in (CheckStatus.IN_COLLISION, CheckStatus.TOO_WIDE)
 
 
 def test_a_grasp_that_the_field_tears_apart_is_not_trusted():
@@ -171,8 +171,8 @@ def test_a_grasp_that_the_field_tears_apart_is_not_trusted():
 
     warped = warp_grasps([grasp_from_above(width=0.01)], Torn(), method="jacobian")
     (result,) = check_grasps(warped, CollisionWorld(box()), PANDA)
-    assert result.status is GraspStatus.OUT_OF_SHAPE_SPACE
-    assert all(status.advice.endswith(".") for status in GraspStatus)
+    assert result.status is CheckStatus.OUT_OF_SHAPE_SPACE
+    assert all(status.advice.endswith(".") for status in CheckStatus)
 
 
 def test_a_batch_is_checked_as_one_by_one():

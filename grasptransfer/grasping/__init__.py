@@ -1,0 +1,46 @@
+"""Grasps: read, warped to an instance, refined, checked and ranked; grippers; file formats.
+
+`canonical_from_gripper` is what a person annotates, `object_from_gripper` what a robot executes; the
+gripper frame is the TCP between the pads, +z approach, +x closing.
+"""
+
+from grasptransfer.grasping.collision import CheckStatus, GraspCheck, check_grasps
+from grasptransfer.grasping.grasps import (
+    Grasp,
+    GraspFile,
+    Symmetry,
+    expand_symmetry,
+    load_grasps,
+    read_grasp_file,
+    save_grasps,
+)
+from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
+from grasptransfer.grasping.refine import refine_grasps
+from grasptransfer.grasping.scene import Scene, load_scene
+from grasptransfer.grasping.surface import Surface
+from grasptransfer.grasping.warping import WarpedGrasp, on_canonical, warp_grasps
+from grasptransfer.grasping.world import CollisionWorld
+
+__all__ = [
+    "CheckStatus",
+    "CollisionWorld",
+    "Grasp",
+    "GraspCheck",
+    "GraspFile",
+    "Gripper",
+    "Scene",
+    "Surface",
+    "Symmetry",
+    "WarpedGrasp",
+    "check_grasps",
+    "expand_symmetry",
+    "list_grippers",
+    "load_grasps",
+    "load_gripper",
+    "load_scene",
+    "on_canonical",
+    "read_grasp_file",
+    "refine_grasps",
+    "save_grasps",
+    "warp_grasps",
+]

@@ -7,14 +7,21 @@ import dataclasses
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.grasping.closing import Closing, close_pads
 from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.scene import Scene
+from grasptransfer.grasping.surface import Surface
 from grasptransfer.grasping.warping import WarpedGrasp
-from grasptransfer.grasping.world import CollisionWorld, OpenedGripper, Touch
+from grasptransfer.grasping.world import CollisionWorld, OpenedGripper, Touch, as_world
+
+if TYPE_CHECKING:
+    import trimesh
+
 
 STEP = 0.004  # m between checked poses of the approach: less than a third of a finger's thickness
 SWEEP_STEP = 0.010  # m of opening between checks of the closing: each finger moves half of it
@@ -23,7 +30,7 @@ TRIED_ROOM = (0.005, 0.002)  # m on each side, tried where the usual room does n
 STRETCH_LIMITS = (0.4, 2.5)  # of the field's Jacobian; shapes of one category stay well within
 
 
-class GraspStatus(enum.Enum):
+class CheckStatus(enum.Enum):
     """Outcome of the check; `advice` says what to do about it."""
 
     FREE = "free"
@@ -34,18 +41,23 @@ class GraspStatus(enum.Enum):
     OUT_OF_SHAPE_SPACE = "out of the shape space"
 
     @property
+    def usable(self) -> bool:
+        """Whether the gripper reaches the grasp and closes on the object."""
+        return self is CheckStatus.FREE
+
+    @property
     def advice(self) -> str:
         """One sentence of advice."""
         return _ADVICE[self]
 
 
 _ADVICE = {
-    GraspStatus.FREE: "The gripper reaches this grasp and closes on the object.",
-    GraspStatus.IN_COLLISION: "Refine the grasp, use slimmer fingers, or clear the named obstacle away.",
-    GraspStatus.BLOCKED_APPROACH: "Come in along another direction, or shorten approach_distance.",
-    GraspStatus.TOO_WIDE: "Use a gripper that opens wider, or grasp the object elsewhere.",
-    GraspStatus.NO_CONTACT: "Refine the grasp: as it stands a pad closes beside the object.",
-    GraspStatus.OUT_OF_SHAPE_SPACE: "Do not trust this grasp: the object differs too much from its category.",
+    CheckStatus.FREE: "The gripper reaches this grasp and closes on the object.",
+    CheckStatus.IN_COLLISION: "Refine the grasp, use slimmer fingers, or clear the named obstacle away.",
+    CheckStatus.BLOCKED_APPROACH: "Come in along another direction, or shorten approach_distance.",
+    CheckStatus.TOO_WIDE: "Use a gripper that opens wider, or grasp the object elsewhere.",
+    CheckStatus.NO_CONTACT: "Refine the grasp: as it stands a pad closes beside the object.",
+    CheckStatus.OUT_OF_SHAPE_SPACE: "Do not trust this grasp: the object differs too much from its category.",
 }
 
 
@@ -65,7 +77,7 @@ class GraspCheck:
         antipodality: cosine between the worse contact's normal and the closing axis; 1 is perfect.
     """
 
-    status: GraspStatus
+    status: CheckStatus
     reason: str
     opening: float
     link: str | None = None
@@ -79,20 +91,28 @@ class GraspCheck:
     @property
     def usable(self) -> bool:
         """Whether the gripper reaches the grasp and closes on the object."""
-        return self.status is GraspStatus.FREE
+        return self.status.usable
 
 
 def check_grasps(
-    grasps: Sequence[WarpedGrasp], world: CollisionWorld, gripper: Gripper
+    grasps: Sequence[WarpedGrasp],
+    mesh: "trimesh.Trimesh | Surface | CollisionWorld",
+    gripper: Gripper,
+    *,
+    scene: Scene | None = None,
+    camera_from_object: Float[np.ndarray, "4 4"] | None = None,
 ) -> tuple[GraspCheck, ...]:
     """Check that the gripper reaches each grasp and closes on the object.
 
     Args:
-        grasps: in the frame of the world's object.
-        world: the object and what stands around it.
+        grasps: in the mesh's frame.
+        mesh: the object's surface, object frame [m]; a `CollisionWorld` brings its own scene.
+        scene: obstacles and support plane, camera frame.
+        camera_from_object: pose of the object (4, 4) [m]; matters with a scene only.
     """
     if not grasps:
         return ()
+    world = as_world(mesh, scene, camera_from_object)
     poses = np.stack([grasp.object_from_gripper for grasp in grasps])
     found = [_reach(grasp, world, gripper) for grasp in grasps]
     openings = np.array([check.opening for check in found])
@@ -108,13 +128,13 @@ def _reach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper) -> Grasp
     low, high = grasp.stretch
     if low < STRETCH_LIMITS[0] or high > STRETCH_LIMITS[1]:
         reason = f"the deformation field stretches by {low:.2f} to {high:.2f} at this grasp"
-        return GraspCheck(GraspStatus.OUT_OF_SHAPE_SPACE, reason, usual)
+        return GraspCheck(CheckStatus.OUT_OF_SHAPE_SPACE, reason, usual)
     if grasp.width + 2 * LEAST_ROOM > gripper.max_width:
         reason = (
             f"the object is {grasp.width * 1e3:.0f} mm wide here; "
             f"{gripper.name} opens {gripper.max_width * 1e3:.0f} mm"
         )
-        return GraspCheck(GraspStatus.TOO_WIDE, reason, usual)
+        return GraspCheck(CheckStatus.TOO_WIDE, reason, usual)
     tried = [usual, gripper.max_width, *(grasp.width + 2 * room for room in TRIED_ROOM)]
     first = None
     for opening in dict.fromkeys(float(np.clip(value, *gripper.opening)) for value in tried):
@@ -138,8 +158,8 @@ def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, openi
         touch = world.deepest(pose, opened, pairs)
         if pads <= hit and opening > gripper.max_width - 1e-6:
             reason = f"both fingers hit the object with the gripper fully open ({opening * 1e3:.0f} mm)"
-            return _blocked(GraspStatus.TOO_WIDE, reason, opening, touch)
-        return _blocked(GraspStatus.IN_COLLISION, _overlap(touch), opening, touch)
+            return _blocked(CheckStatus.TOO_WIDE, reason, opening, touch)
+        return _blocked(CheckStatus.IN_COLLISION, _overlap(touch), opening, touch)
     steps = max(1, int(np.ceil(grasp.approach_distance / STEP)))
     back = pose.copy()
     for distance in np.linspace(grasp.approach_distance, 0, steps, endpoint=False):
@@ -148,7 +168,7 @@ def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, openi
         if pairs:
             touch = world.deepest(back, opened, pairs)
             reason = f"{distance * 1e3:.0f} mm before the grasp, {_overlap(touch)}"
-            return _blocked(GraspStatus.BLOCKED_APPROACH, reason, opening, touch, float(distance))
+            return _blocked(CheckStatus.BLOCKED_APPROACH, reason, opening, touch, float(distance))
     return _sweep(grasp, world, gripper, opening)
 
 
@@ -167,8 +187,8 @@ def _sweep(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening:
         if pairs:
             touch = world.deepest(pose, opened, pairs)
             reason = f"while closing, at {width * 1e3:.0f} mm, {_overlap(touch)}"
-            return _blocked(GraspStatus.IN_COLLISION, reason, opening, touch)
-    return GraspCheck(GraspStatus.FREE, "reachable", opening)
+            return _blocked(CheckStatus.IN_COLLISION, reason, opening, touch)
+    return GraspCheck(CheckStatus.FREE, "reachable", opening)
 
 
 def _overlap(touch: Touch) -> str:
@@ -178,7 +198,7 @@ def _overlap(touch: Touch) -> str:
 
 
 def _blocked(
-    status: GraspStatus, reason: str, opening: float, touch: Touch, before: float | None = None
+    status: CheckStatus, reason: str, opening: float, touch: Touch, before: float | None = None
 ) -> GraspCheck:
     return GraspCheck(status, reason, opening, touch.link, touch.obstacle, touch.depth, before)
 
@@ -191,7 +211,7 @@ def _close(check: GraspCheck, closing: Closing, i: int) -> GraspCheck:
     if not touching.all():
         sides = [side for side, touches in zip(("-x", "+x"), touching, strict=True) if not touches]
         reason = f"closing from {check.opening * 1e3:.0f} mm, the {' and the '.join(sides)} pad meets nothing"
-        return dataclasses.replace(check, status=GraspStatus.NO_CONTACT, reason=reason)
+        return dataclasses.replace(check, status=CheckStatus.NO_CONTACT, reason=reason)
     width, cosine = float(closing.width[i]), float(closing.cosines[i].min())
     angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     return dataclasses.replace(

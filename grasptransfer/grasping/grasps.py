@@ -8,7 +8,7 @@ the file, the key, the value and the choices.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -28,6 +28,9 @@ from grasptransfer.grasping.yaml_models import (
     pose_as_data,
     read_yaml,
 )
+
+if TYPE_CHECKING:
+    from grasptransfer.category import Category
 
 LARGEST_OBJECT = 2.0  # m; a position beyond it was given in millimetres
 WIDTH_TOLERANCE = 0.005  # m between a typed-in width and its contacts
@@ -96,34 +99,35 @@ class _FileModel(Strict):
     grasps: dict[str, Any]
 
 
-def load_grasps(
-    path: str | Path, *, category: str | None = None, canonical_sha256: str | None = None
-) -> tuple[Grasp, ...]:
+def load_grasps(path: str | Path, *, category: "Category | str | None" = None) -> tuple[Grasp, ...]:
     """Grasps of a grasp file.
 
     Args:
-        category: if given, the category the file must be for.
-        canonical_sha256: if given, the checksum the file's must equal where it has one.
+        category: the category they must be for; of a loaded one, also the canonical model must be
+            the one they were made on, where the file says which.
 
     Raises:
         GraspFileError: a mistake in the file, or another category or canonical model.
     """
     file = read_grasp_file(path)
-    if category is not None and file.category != category:
+    if category is None:
+        return file.grasps
+    name = category if isinstance(category, str) else category.name
+    if file.category != name:
         raise GraspFileError(
             "is for another category",
             path=path,
             key="grasptransfer.category",
             value=file.category,
-            choices=[category],
+            choices=[name],
         )
-    if canonical_sha256 and file.canonical_sha256 and file.canonical_sha256 != canonical_sha256:
+    if not isinstance(category, str) and file.canonical_sha256 not in (None, category.canonical_sha256):
         raise GraspFileError(
             "grasps were made on another canonical model",
             path=path,
             key="grasptransfer.canonical_sha256",
             value=file.canonical_sha256,
-            choices=[canonical_sha256],
+            choices=[category.canonical_sha256],
             fix="Check the grasps on the new model, then put its checksum there",
         )
     return file.grasps

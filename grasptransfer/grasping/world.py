@@ -189,3 +189,12 @@ class CollisionWorld:
         normal_gripper = object_from_gripper[:3, :3].T @ normal
         height = float((object_from_gripper[:3, 3] - point) @ normal)
         return [-float(height + (corners @ normal_gripper).min()) for corners in opened.corners]
+
+
+def as_world(
+    mesh: "trimesh.Trimesh | Surface | CollisionWorld",
+    scene: Scene | None,
+    camera_from_object: Float[np.ndarray, "4 4"] | None,
+) -> CollisionWorld:
+    """The world given, or a new one around the mesh."""
+    return mesh if isinstance(mesh, CollisionWorld) else CollisionWorld(mesh, scene, camera_from_object)

@@ -1,0 +1,225 @@
+"""Local search around a warped grasp on the instance's surface.
+
+A few rounds of sampled motions of the TCP, all grasps at once: each round keeps, per grasp, the
+cheapest pose that collides with nothing. The cost asks for contact on both pads, normals against the
+pads, contacts in the middle of the pads, and nearness to the annotated intention. The samples are
+the same for every grasp and every call: a grasp refines alone as it does among others.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.grasping.closing import Closing, close_pads
+from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.scene import Scene
+from grasptransfer.grasping.surface import Surface
+from grasptransfer.grasping.warping import WarpedGrasp
+from grasptransfer.grasping.world import CollisionWorld, OpenedGripper, as_world
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Settings of the search.
+
+    Args:
+        rounds: of sampling; each one searches half as far as the one before.
+        samples: motions per grasp and round.
+        shift: standard deviation of the first round's shifts [m].
+        turn: standard deviation of the first round's turns [rad].
+        tested: cheapest poses per grasp and round that are tested for collision.
+        farthest_shift, farthest_turn: where the cost of leaving the annotated intention reaches `leaving`.
+        missing, tilt, coverage, off_centre, leaving, colliding: weights of the cost.
+    """
+
+    rounds: int = 3
+    samples: int = 20
+    shift: float = 0.005
+    turn: float = 0.12
+    tested: int = 6
+    farthest_shift: float = 0.015
+    farthest_turn: float = 0.35
+    missing: float = 4.0
+    tilt: float = 2.0
+    coverage: float = 0.5
+    off_centre: float = 0.5
+    leaving: float = 0.4
+    colliding: float = 3.0
+
+
+# Motions always tried: none, back out along the approach, deeper in, and sideways.
+_FIXED = np.array(
+    [
+        [0, 0, 0, 0, 0, 0],
+        [0, 0, -0.004, 0, 0, 0],
+        [0, 0, -0.008, 0, 0, 0],
+        [0, 0, -0.014, 0, 0, 0],
+        [0, 0, 0.004, 0, 0, 0],
+        [0, 0.004, 0, 0, 0, 0],
+        [0, -0.004, 0, 0, 0, 0],
+        [0, 0, 0, 0, 0.2, 0],
+        [0, 0, 0, 0, -0.2, 0],
+    ]
+)
+HALF_PAD = 0.009  # m; contacts this far from the pads' middle cost `off_centre`
+ROOM = 0.002  # m on each side when poses are tested for collision, if the usual room does not fit
+
+
+def refine_grasps(
+    grasps: Sequence[WarpedGrasp],
+    mesh: "trimesh.Trimesh | Surface | CollisionWorld",
+    gripper: Gripper,
+    *,
+    scene: Scene | None = None,
+    camera_from_object: Float[np.ndarray, "4 4"] | None = None,
+    settings: Refinement | None = None,
+) -> tuple[WarpedGrasp, ...]:
+    """Improve each grasp on the instance's surface; one that finds no contact stays as it was.
+
+    Args:
+        grasps: in the mesh's frame.
+        mesh: the object's surface, object frame [m]; a `CollisionWorld` brings its own scene.
+        scene: obstacles and support plane, camera frame.
+        camera_from_object: pose of the object (4, 4) [m]; matters with a scene only.
+    """
+    settings = Refinement() if settings is None else settings
+    fitting = [i for i, grasp in enumerate(grasps) if grasp.width + 2 * ROOM <= gripper.max_width]
+    if not fitting:
+        return tuple(grasps)
+    world = as_world(mesh, scene, camera_from_object)
+    search = _Search([grasps[i] for i in fitting], world, gripper, settings)
+    refined = list(grasps)
+    for i, better in zip(fitting, search.run(), strict=True):
+        refined[i] = better
+    return tuple(refined)
+
+
+class _Search:
+    """The state of one call: every grasp's best pose so far."""
+
+    def __init__(
+        self, grasps: Sequence[WarpedGrasp], world: CollisionWorld, gripper: Gripper, settings: Refinement
+    ):
+        self.grasps, self.world, self.gripper, self.settings = grasps, world, gripper, settings
+        self.start = np.stack([grasp.object_from_gripper for grasp in grasps])
+        self.best = self.start.copy()
+        self.widths = np.array([grasp.width for grasp in grasps])
+        self.openings = np.array([gripper.approach_opening(width) for width in self.widths])
+        self._widen()
+        self.opened = [OpenedGripper(gripper, float(opening)) for opening in self.openings]
+        self.rng = np.random.default_rng(0)
+
+    def run(self) -> list[WarpedGrasp]:
+        """Search, then read widths and contacts off the surface."""
+        self._align()
+        for round_ in range(self.settings.rounds):
+            self._round(0.5**round_, first=round_ == 0)
+        openings = np.array([self.gripper.approach_opening(width) for width in self.widths])
+        closing = close_pads(self.world.surface, self.best, openings, self.gripper, expected=self.widths)
+        return [self._result(i, closing) for i in range(len(self.grasps))]
+
+    def _widen(self) -> None:
+        """Open further where a pad would start inside the object: it meets the surface from within."""
+        for _ in range(3):
+            inside = self._close(self.best[:, None]).cosines.min(axis=1) < 0
+            self.openings[inside] = np.minimum(self.openings[inside] + 0.01, self.gripper.max_width)
+
+    def _align(self) -> None:
+        """Take as another start the pose turned so that the pads meet the surface flat."""
+        closing = self._close(self.best[:, None])
+        axis = closing.normals[:, 1] - closing.normals[:, 0]
+        length = np.linalg.norm(axis, axis=1)
+        usable = closing.touching.all(axis=1) & (length > 0.5)
+        axis = np.where(usable[:, None], axis / np.where(usable, length, 1)[:, None], self.best[:, :3, 0])
+        turn = np.cross(self.best[:, :3, 0], axis)
+        turned = self.best.copy()
+        turned[:, :3, :3] = _rotations(0.7 * turn) @ self.best[:, :3, :3]
+        self._keep(np.stack([self.best, turned], axis=1))
+
+    def _round(self, scale: float, *, first: bool) -> None:
+        settings = self.settings
+        spread = np.array([settings.shift] * 3 + [settings.turn] * 3) * scale
+        motions = self.rng.normal(size=(settings.samples, 6)) * spread
+        motions = np.concatenate([_FIXED if first else _FIXED[:1], motions])
+        rotations = _rotations(motions[:, 3:])
+        candidates = np.tile(self.best[:, None], (1, len(motions), 1, 1))
+        candidates[..., :3, :3] = self.best[:, None, :3, :3] @ rotations
+        candidates[..., :3, 3] += np.einsum("gij,cj->gci", self.best[:, :3, :3], motions[:, :3])
+        self._keep(candidates)
+
+    def _close(self, candidates: Float[np.ndarray, "g c 4 4"]) -> Closing:
+        repeat = candidates.shape[1]
+        return close_pads(
+            self.world.surface,
+            candidates.reshape(-1, 4, 4),
+            np.repeat(self.openings, repeat),
+            self.gripper,
+            expected=np.repeat(self.widths, repeat),
+        )
+
+    def _keep(self, candidates: Float[np.ndarray, "g c 4 4"]) -> None:
+        """Centre the candidates between the pads, and keep each grasp's best that is free."""
+        count, repeat = candidates.shape[:2]
+        closing = self._close(candidates)
+        middle = closing.local[..., 0].mean(axis=1).reshape(count, repeat)
+        middle = np.where(np.isfinite(middle), middle, 0.0)
+        candidates = candidates.copy()
+        candidates[..., :3, 3] += candidates[..., :3, 0] * middle[..., None]
+        cost = self._cost(closing, candidates)
+        order = np.argsort(cost, axis=1, kind="stable")
+        for i in range(count):
+            chosen = cheapest = order[i, 0]
+            for candidate in order[i, : self.settings.tested]:
+                if cost[i, candidate] > cost[i, cheapest] + self.settings.colliding:
+                    break
+                if not self.world.touching(candidates[i, candidate], self.opened[i]):
+                    chosen = candidate
+                    break
+            self.best[i] = candidates[i, chosen]
+
+    def _cost(self, closing: Closing, candidates: Float[np.ndarray, "g c 4 4"]) -> Float[np.ndarray, "g c"]:
+        settings, shape = self.settings, candidates.shape[:2]
+        missing = (~closing.touching).sum(axis=1).reshape(shape)
+        tilt = 1 - closing.cosines.min(axis=1).reshape(shape)
+        bare = 1 - closing.coverage.min(axis=1).reshape(shape)
+        middle = np.nan_to_num(closing.local[..., 1:]).mean(axis=1)
+        middle[:, 1] -= self.gripper.pad_heights(np.repeat(self.widths, shape[1])).mean(axis=1)
+        off = (np.linalg.norm(middle, axis=1) / HALF_PAD).reshape(shape)
+        shift = np.linalg.norm(candidates[..., :3, 3] - self.start[:, None, :3, 3], axis=2)
+        relative = np.einsum("gji,gcjk->gcik", self.start[:, :3, :3], candidates[..., :3, :3])
+        trace = np.trace(relative, axis1=2, axis2=3)
+        turn = np.arccos(np.clip((trace - 1) / 2, -1, 1))
+        left = (shift / settings.farthest_shift) ** 2 + (turn / settings.farthest_turn) ** 2
+        return (
+            settings.missing * missing
+            + settings.tilt * tilt
+            + settings.coverage * bare
+            + settings.off_centre * off**2
+            + settings.leaving * left
+        )
+
+    def _result(self, i: int, closing: Closing) -> WarpedGrasp:
+        grasp = self.grasps[i]
+        if not closing.touching[i].all():
+            return grasp
+        width = float(closing.width[i])
+        return dataclasses.replace(
+            grasp,
+            object_from_gripper=self.best[i],
+            width=width,
+            contacts=closing.points[i],
+            opening=None if grasp.opening is None else grasp.opening + width - grasp.width,
+        )
+
+
+def _rotations(vectors: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3 3"]:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(vectors).as_matrix()
