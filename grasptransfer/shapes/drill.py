@@ -10,6 +10,7 @@ import numpy as np
 
 from grasptransfer.shapes import drill_parts as parts
 from grasptransfer.shapes.drill_finish import DrillFinish
+from grasptransfer.shapes.drill_paint import materials
 from grasptransfer.shapes.drill_parameters import DrillParameters
 from grasptransfer.shapes.shape import Part, Shape, centred
 
@@ -34,8 +35,8 @@ def _assemble(p: DrillParameters, finish: DrillFinish) -> Shape:
     upright = (parts.handle, parts.trigger, parts.selector, parts.foot, parts.battery, parts.cord)
     surfaces = {make.__name__: make(p).placed(pivot, turn) for make in on_axis}
     surfaces |= {make.__name__: make(p) for make in upright}
-    materials = finish.materials(p.battery_height / p.foot_length)
+    painted = materials(finish, p.battery_height / p.foot_length)
     pieces = (
-        Part.of(name, surface, materials[name], name not in _OPTIONAL) for name, surface in surfaces.items()
+        Part.of(name, surface, painted[name], name not in _OPTIONAL) for name, surface in surfaces.items()
     )
     return centred("drill", asdict(p), tuple(pieces))

@@ -8,36 +8,36 @@ from jaxtyping import Float
 _RANGES = {
     "body_length": (0.105, 0.145),
     "body_height": (0.054, 0.07),
-    "slimness": (0.82, 1.0),
+    "slimness": (0.82, 1.08),
     "squareness": (2.0, 3.4),
-    "rear_size": (0.8, 1.0),
-    "rear_drop": (-0.002, 0.008),
+    "rear_size": (0.74, 1.02),
+    "rear_drop": (-0.007, 0.009),
     "rear_round": (0.008, 0.028),
-    "front_size": (0.72, 0.98),
-    "overhang": (0.04, 0.075),
+    "front_size": (0.72, 1.04),
+    "overhang": (0.038, 0.086),
     "pitch": (-0.5, 4.0),
     "clutch_length": (0.008, 0.03),
     "clutch_size": (0.72, 0.95),
     "chuck_length": (0.036, 0.066),
-    "chuck_radius": (0.0165, 0.0225),
-    "chuck_nose": (0.4, 0.75),
+    "chuck_radius": (0.016, 0.024),
+    "chuck_nose": (0.32, 0.82),
     "switch_rise": (-0.004, 0.0028),
     "handle_length": (0.075, 0.11),
-    "handle_depth": (0.034, 0.044),
-    "handle_width": (0.028, 0.038),
-    "rake": (2.0, 16.0),
-    "swell": (0.0, 0.005),
-    "throat": (0.0, 0.022),
-    "trigger_length": (0.022, 0.034),
-    "trigger_reach": (0.007, 0.016),
+    "handle_depth": (0.033, 0.049),
+    "handle_width": (0.026, 0.04),
+    "rake": (-2.0, 16.0),
+    "swell": (-0.001, 0.006),
+    "throat": (-0.003, 0.022),
+    "trigger_length": (0.02, 0.038),
+    "trigger_reach": (0.007, 0.021),
     "foot_length": (0.095, 0.128),
     "foot_width": (0.058, 0.084),
-    "foot_forward": (0.55, 0.95),
+    "foot_forward": (0.45, 1.08),
     "foot_flare": (0.016, 0.042),
-    "foot_curve": (0.25, 1.3),
-    "foot_slope": (-0.08, 0.25),
+    "foot_curve": (0.12, 1.3),
+    "foot_slope": (-0.18, 0.25),
     "foot_tilt": (-2.0, 2.0),
-    "battery_height": (0.03, 0.058),
+    "battery_height": (0.03, 0.064),
 }
 _FAMILIES = {
     "cordless": (0.36, {}),
@@ -63,13 +63,13 @@ _FAMILIES = {
         0.16,
         {
             "body_length": (0.125, 0.165),
-            "body_height": (0.06, 0.078),
+            "body_height": (0.06, 0.084),
             "rear_size": (0.92, 1.12),
             "rear_drop": (0.0, 0.016),
             "clutch_length": (0.014, 0.036),
-            "foot_length": (0.11, 0.14),
+            "foot_length": (0.1, 0.14),
             "foot_width": (0.07, 0.086),
-            "battery_height": (0.04, 0.07),
+            "battery_height": (0.036, 0.074),
             "squareness": (2.3, 3.8),
         },
     ),
@@ -177,7 +177,11 @@ class DrillParameters:
         drawn = {name: rng.uniform(low, high) for name, (low, high) in ranges.items()}
         if rng.random() < 0.12:
             drawn["bit"] = rng.uniform(0.008, 0.025)
-        return replace(cls(), **drawn)
+        if rng.random() < 0.12:
+            drawn["foot_tilt"] = rng.uniform(-6, 8)
+        if rng.random() < 0.1:
+            drawn["pitch"] = rng.uniform(4, 14)
+        return replace(cls(), **{name: float(value) for name, value in drawn.items()})
 
     @property
     def foot_height(self) -> float:
