@@ -106,8 +106,10 @@ class CameraFinish:
         """
         rng = np.random.default_rng(self.seed)
         if self.kind == "scan":
-            grey = rng.uniform(0.25, 0.85) * np.ones(3) if rng.random() < 0.75 else np.array(self.shell) / 255
-            return dict.fromkeys(_PARTS, Material.plain(tuple(grey), roughness=self.gloss))
+            colour = (
+                np.full(3, rng.uniform(0.25, 0.85)) if rng.random() < 0.75 else np.array(self.shell) / 255
+            )
+            return dict.fromkeys(_PARTS, Material.plain(tuple(colour), roughness=self.gloss))
         materials = {name: self._plain(name) for name in _PARTS}
         if self.kind == "printed":
             materials["body"] = Material(_body(self, humped, rng), 0.0, self.gloss)

@@ -171,6 +171,10 @@ class CameraParameters:
             drawn["hump_height"] = 0.0
         if family == "dslr" and rng.random() < 0.12:  # no lens on it
             drawn["lens_length"] = float(rng.uniform(0.006, 0.012))
+        # The lens ends within the front, or a little below it.
+        drawn["lens_radius"] = min(drawn["lens_radius"], 0.47 * drawn["height"])
+        spare = drawn["height"] / 2 - 1.06 * drawn["lens_radius"]
+        drawn["lens_z"] = max(drawn["lens_z"], -spare - 0.002)
         return replace(
             cls(),
             **drawn,

@@ -113,7 +113,8 @@ def lens(p: CameraParameters) -> Surface:
     profile = np.stack([p.lens_radius * np.concatenate([radius, inner]), x], -1)
     profile[:2, 1] = -0.25 * p.depth
     sections = np.repeat(circle(48, _DOWN)[None], len(profile), axis=0)
-    ripple = (1 + 0.012 * np.cos(np.arange(48) * np.pi))[:, None]
+    depth = 0.012 * min(1.0, length / 0.05)  # ribs on a short steep barrel would be spikes
+    ripple = (1 + depth * np.cos(np.arange(48) * np.pi))[:, None]
     sections[7:9] *= ripple
     sections[11:13] *= ripple
     v = np.concatenate(
@@ -156,7 +157,7 @@ def _deck(p: CameraParameters, y: float) -> float:
 
 def button(p: CameraParameters) -> Surface:
     """Shutter release, over the grip."""
-    y = p.grip_y + 0.2 * p.grip_width
+    y = max(p.grip_y + 0.2 * p.grip_width, p.button_radius + 0.8 * p.shoulder - p.width / 2)
     return _knob(p.button_radius, 0.0026, 24).placed((0.12 * p.depth, y, _deck(p, y - p.button_radius)))
 
 
@@ -192,7 +193,9 @@ def flash(p: CameraParameters) -> Surface:
     """Window of the flash at the upper left of the front, large on box cameras."""
     large = p.flash == "corner"
     half_y, half_z = (0.014, 0.0085) if large else (0.0085, 0.0038)
-    y = p.width / 2 - p.shoulder - half_y - 0.002
+    beside_lens = p.width / 2 - 0.6 * p.shoulder - 0.003 - (p.lens_y + 1.08 * p.lens_radius)
+    half_y = float(np.clip(beside_lens / 2, 0.005, half_y))
+    y = p.width / 2 - 0.6 * p.shoulder - half_y - 0.002
     z = p.height / 2 - max(0.35 * p.shoulder_drop, p.edge) - half_z - 0.003
     return _box((0.003, half_y, half_z), (p.front - 0.0018, y, z), shown=p.flash != "hump")
 
