@@ -67,14 +67,14 @@ class SprayBottleFinish:
         nozzle = (head, WHITE, hsv(rng.choice([0.0, 0.12, 0.58]), 0.9, 0.85), BLACK)[rng.integers(4)]
         lever = (head, head, nozzle, draw_colour(rng))[rng.integers(4)]
         collar = (head, head, nozzle, shade(head, 0.8))[rng.integers(4)]
-        liquid = hsv(rng.random(), rng.uniform(0.0, 0.8), rng.uniform(0.75, 1.0))
+        liquid = hsv(rng.random(), rng.choice([0.08, rng.uniform(0.4, 0.9)]), rng.uniform(0.5, 0.9))
         if kind == "clear":
-            body = hsv(rng.random(), rng.choice([0.02, 0.1, 0.5]), rng.uniform(0.75, 1.0))
+            body = hsv(rng.random(), rng.choice([0.03, 0.15, 0.6]), rng.uniform(0.45, 0.8))
         labels = str(rng.choice(["sides", "around", "shrunk", "none"], p=[0.56, 0.18, 0.14, 0.12]))
         if kind == "clear" and labels == "shrunk":
             labels = "sides"
         wear = rng.uniform(0, 0.7) if rng.random() < 0.4 else 0.0
-        last = float(rng.uniform(0.16, 0.42)), labels, wear, float(rng.uniform(0.25, 0.65))
+        last = float(rng.uniform(0.14, 0.36)), labels, wear, float(rng.uniform(0.25, 0.65))
         return cls(kind, body, head, nozzle, lever, collar, liquid, *last, int(rng.integers(2**31)))
 
     def materials(self, size: tuple[float, float, float], belly: float) -> dict[str, Material]:
@@ -86,13 +86,13 @@ class SprayBottleFinish:
         """
         rng = np.random.default_rng(self.seed)
         if self.kind == "scan":
-            grey = rng.uniform(0.35, 0.9) * np.ones(3) if rng.random() < 0.75 else np.array(self.body) / 255
-            materials = dict.fromkeys(_PARTS, Material.plain(tuple(grey), roughness=self.gloss))
+            colour = np.full(3, rng.uniform(0.35, 0.9)) if rng.random() < 0.75 else np.array(self.body) / 255
+            materials = dict.fromkeys(_PARTS, Material.plain(tuple(colour), roughness=self.gloss))
         else:
             materials = {name: self._plain(name) for name in _PARTS}
         if self.kind in ("opaque", "clear"):
             materials["body"] = Material(self._body(size, belly, rng), 0.0, self.gloss)
-        clear = 0.55 if self.liquid == WHITE else 0.5
+        clear = 0.3 if max(self.liquid) < 1.15 * min(self.liquid) else 0.5  # water, or something coloured
         materials["liquid"] = Material.plain((*(np.array(self.liquid) / 255), clear), roughness=0.2)
         materials["dip_tube"] = Material.plain((0.93, 0.93, 0.93), roughness=0.5)
         return materials
@@ -113,8 +113,7 @@ class SprayBottleFinish:
         if self.labels == "around":
             _stick(image, opaque, rng, (0.0, low, 1.0, high), around, height)
         elif self.labels == "shrunk":
-            _stick(image, opaque, rng, (0.0, 0.0, 1.0, 0.5), around, height)
-            _stick(image, opaque, rng, (-0.25, 0.02, 0.75, min(belly * 1.25, 0.9)), around, height)
+            _stick(image, opaque, rng, (0.0, 0.02, 1.0, min(belly * 1.25, 0.9)), around, height)
         elif self.labels == "sides":
             half = rng.uniform(0.1, 0.2)
             front = _draw_label(rng, 2 * half * around, (high - low) * height)
