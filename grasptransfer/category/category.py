@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 CANONICAL = "canonical.glb"
 SHAPE_SPACE = "shape_space.npz"
 FIELDS = "fields.npz"
+FIELDS_KIND = "category fields"
 GRASPS = "grasps.yaml"
 PREVIEW = "preview.png"
 
@@ -74,7 +75,7 @@ class Category:
     @cached_property
     def canonical_scene(self) -> "trimesh.Scene":
         """The canonical model with its parts and materials apart, for drawing [m]."""
-        return _load_scene(self.checked_path(CANONICAL))
+        return load_scene(self.checked_path(CANONICAL))
 
     def instance_mesh(self, name: str) -> "trimesh.Trimesh":
         """An instance as one textured mesh, object frame [m].
@@ -93,7 +94,7 @@ class Category:
         if name not in (*self.train, *self.test):
             choices = (*self.train, *self.test)
             raise CategoryError("is not an instance", path=self.folder, key=name, choices=choices)
-        return _load_scene(self.checked_path(f"instances/{name}.glb"))
+        return load_scene(self.checked_path(f"instances/{name}.glb"))
 
     @cached_property
     def shape_space(self) -> "ShapeSpace":
@@ -104,10 +105,11 @@ class Category:
 
     @cached_property
     def _fields(self) -> dict[str, Float[np.ndarray, "n 3"]]:
+        from grasptransfer.registration.storage import load_arrays
+
         path = self.checked_path(FIELDS)
-        with np.load(path, allow_pickle=False) as data:
-            weights = data["weights"].astype(float)
-            names = [str(name) for name in data["names"]]
+        data = load_arrays(path, FIELDS_KIND)
+        weights, names = data["weights"].astype(float), [str(name) for name in data["names"]]
         shape = self.shape_space.control_points.shape
         if weights.shape != (len(names), *shape):
             raise CategoryError("weights do not fit the shape space", path=path, value=weights.shape)
@@ -198,7 +200,8 @@ def _folders() -> Iterator[Path]:
         yield from (folder for folder in root.iterdir() if (folder / FILE_NAME).is_file())
 
 
-def _load_scene(path: Path) -> "trimesh.Scene":
+def load_scene(path: Path) -> "trimesh.Scene":
+    """A GLB file, its vertices as they were written."""
     import trimesh
 
     try:

@@ -1,0 +1,102 @@
+"""Writing a category folder: all of it or nothing."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from grasptransfer.category.category import (
+    CANONICAL,
+    FIELDS,
+    FIELDS_KIND,
+    GRASPS,
+    PREVIEW,
+    SHAPE_SPACE,
+    Category,
+    load_category,
+    load_scene,
+)
+from grasptransfer.category.files import sha256, write_whole
+from grasptransfer.category.pictures import picture, png, sheet
+from grasptransfer.category.settings import CategoryFile, Settings, Split, software_versions
+from grasptransfer.registration import ShapeSpace
+from grasptransfer.registration.storage import save_arrays
+
+TILE, COLUMNS = 150, 8
+
+
+def write_category(
+    folder: Path,
+    name: str,
+    *,
+    description: str,
+    split: Split,
+    settings: Settings,
+    measured: dict,
+    canonical_glb: bytes,
+    instance_glbs: dict[str, bytes],
+    shape_space: ShapeSpace,
+    weights: dict[str, Float[np.ndarray, "n 3"]],
+) -> Category:
+    """Write a category folder beside its place, then move it there; an older one's grasps are kept.
+
+    Args:
+        canonical_glb, instance_glbs: glTF 2.0 binaries in the category's frame, instances by name.
+        weights: of each instance's field, normalised units, by name.
+    """
+    folder = Path(folder)
+    staging = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    shutil.rmtree(staging, ignore_errors=True)
+    try:
+        write_whole(staging / CANONICAL, canonical_glb)
+        for instance, content in instance_glbs.items():
+            write_whole(staging / f"instances/{instance}.glb", content)
+        shape_space.save(staging / SHAPE_SPACE)
+        stacked = np.stack(list(weights.values())).astype(np.float32)
+        save_arrays(staging / FIELDS, FIELDS_KIND, {"names": np.array(list(weights)), "weights": stacked})
+        write_whole(staging / PREVIEW, _preview(staging, split))
+        paths = sorted(path for path in staging.rglob("*") if path.is_file())
+        CategoryFile(
+            name=name,
+            description=description,
+            split=split,
+            settings=settings,
+            measured=measured,
+            checksums={path.relative_to(staging).as_posix(): sha256(path) for path in paths},
+            versions=software_versions(),
+        ).save(staging)
+        if (folder / GRASPS).is_file():
+            shutil.copyfile(folder / GRASPS, staging / GRASPS)
+        _put_in_place(staging, folder)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+    return load_category(folder)
+
+
+def _put_in_place(staging: Path, folder: Path) -> None:
+    replaced = folder.with_name(f".{folder.name}.{os.getpid()}.old")
+    if folder.exists():
+        os.replace(folder, replaced)
+    os.replace(staging, folder)
+    shutil.rmtree(replaced, ignore_errors=True)
+
+
+def _preview(staging: Path, split: Split) -> bytes:
+    tiles = [picture(load_scene(staging / CANONICAL), TILE)]
+    titles = ["canonical"]
+    for kind, names in (("train", split.train), ("test", split.test)):
+        for name in names:
+            scene = load_scene(staging / f"instances/{name}.glb")
+            size = " x ".join(f"{1000 * side:.0f}" for side in scene.extents)
+            tiles.append(picture(scene, TILE))
+            titles.append(f"{kind}: {size} mm")
+    return png(sheet(tiles, titles, COLUMNS))
+
+
+def glb_of(scene: trimesh.Scene | trimesh.Trimesh) -> bytes:
+    """glTF 2.0 binary of a scene, normals included."""
+    scene = scene if isinstance(scene, trimesh.Scene) else trimesh.Scene(scene)
+    return scene.export(file_type="glb", include_normals=True)

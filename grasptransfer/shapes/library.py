@@ -1,0 +1,173 @@
+"""The shipped categories: parametric shapes turned into category folders.
+
+The correspondences are known, so each shape's field is a plain least-squares fit, and the width of
+the kernel, its smoothness and the number of modes are chosen by what they leave on shapes held out.
+"""
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+from PIL import Image
+
+from grasptransfer.category.assemble import glb_of, write_category
+from grasptransfer.category.category import Category, objects_folder
+from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
+from grasptransfer.category.settings import Settings, Split
+from grasptransfer.errors import CategoryError
+from grasptransfer.shapes import Shape, canonical, sample
+from grasptransfer.shapes.correspondence import locator
+from grasptransfer.shapes.space_choice import Choice, choose_space, fit_weights
+
+CONTROL_POINTS, SURFACE_POINTS = 650, 3000
+FIRST_TRAINING_SEED, FIRST_HELDOUT_SEED = 1_000_000, 2_000_000
+TEXTURE_SIDE, JPEG_QUALITY = 512, 88
+SMALLEST_JPEG = 64  # px; below, PNG is smaller
+
+
+@dataclass(frozen=True)
+class Curated:
+    """Seeds of the shipped instances, picked by eye from a contact sheet.
+
+    Args:
+        description: one line for people.
+        train, test: seeds; test spans the extremes and the typical.
+    """
+
+    description: str
+    train: tuple[int, ...]
+    test: tuple[int, ...]
+
+
+CURATED = {
+    "mug": Curated(
+        "Mugs with one handle: straight, tapered, bellied; espresso to soup size. +x is the handle.",
+        train=(0, 1, 2, 4, 5, 6, 8, 10, 12, 13, 15, 17, 22, 26, 29, 32, 35, 38),
+        test=(14, 20, 28, 31, 34, 37),
+    ),
+}
+
+
+def build_shipped_category(
+    name: str,
+    out: Path | None = None,
+    *,
+    samples: int = 400,
+    heldout: int = 100,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Category:
+    """Write the folder of a category that has a parametric model; grasps already there are kept.
+
+    Args:
+        name: one of `CURATED`.
+        out: the folder to write; `objects/<name>` if None.
+        samples: random shapes behind the shape space, besides the curated train instances.
+        heldout: other random shapes, by which the settings are chosen.
+        progress: called with one line at each step.
+
+    Raises:
+        CategoryError: there is no curated list of that name.
+    """
+    if name not in CURATED:
+        raise CategoryError("has no curated instances", key=name, choices=CURATED)
+    curated = CURATED[name]
+    model = canonical(name)
+    progress(f"{name}: points of the canonical model")
+    surface = surface_of(model)
+    progress(f"{name}: {samples + heldout} random shapes")
+    train = {f"{name}_{seed:04d}": sample(name, seed) for seed in curated.train}
+    test = {f"{name}_{seed:04d}": sample(name, seed) for seed in curated.test}
+    learnt = [surface.displacements(shape) for shape in train.values()]
+    learnt += [surface.displacements(sample(name, FIRST_TRAINING_SEED + i)) for i in range(samples)]
+    unseen = [surface.displacements(sample(name, FIRST_HELDOUT_SEED + i)) for i in range(heldout)]
+    progress(f"{name}: choosing kernel, smoothness and modes")
+    choice = choose_space(surface.points, surface.control_points, np.stack(learnt), np.stack(unseen))
+    progress(f"{name}: chose {choice.summary}")
+    instances = {**train, **test}
+    moved = np.stack([surface.displacements(shape) for shape in instances.values()])
+    weights = fit_weights(surface.points, choice.space, choice.regularisation, moved)
+    progress(f"{name}: writing")
+    return write_category(
+        Path(out) if out else objects_folder() / name,
+        name,
+        description=curated.description,
+        split=Split(canonical="canonical", train=tuple(train), test=tuple(test)),
+        settings=_settings(choice, surface, len(learnt)),
+        measured=choice.measured,
+        canonical_glb=glb_of(compact(model.scene())),
+        instance_glbs={key: glb_of(compact(shape.scene())) for key, shape in instances.items()},
+        shape_space=choice.space,
+        weights=dict(zip(instances, weights, strict=True)),
+    )
+
+
+@dataclass(frozen=True)
+class CanonicalSurface:
+    """Points of a canonical model that can be found again on every sample.
+
+    Args:
+        model: the canonical shape.
+        points: (m, 3) seen from outside [m].
+        control_points: (n, 3) fewer of them [m].
+        voxel: edge of the voxel filter of the control points [m].
+        face, barycentric: (m,) and (m, 3) where the points lie on the model.
+    """
+
+    model: Shape
+    points: Float[np.ndarray, "m 3"]
+    control_points: Float[np.ndarray, "n 3"]
+    voxel: float
+    face: Int[np.ndarray, "m"]
+    barycentric: Float[np.ndarray, "m 3"]
+
+    def on(self, shape: Shape) -> Float[np.ndarray, "m 3"]:
+        """The same points on a sample [m]."""
+        return np.einsum("mc,mcd->md", self.barycentric, shape.vertices[self.model.faces[self.face]])
+
+    def displacements(self, shape: Shape) -> Float[np.ndarray, "m 3"]:
+        """How far the points move to a sample [m]."""
+        return self.on(shape) - self.points
+
+
+def surface_of(model: Shape) -> CanonicalSurface:
+    """Points and control points of a canonical shape: ray casting, then voxel filters."""
+    points, faces = visible_surface(model.mesh())
+    points = points[model.corresponds[model.faces[faces]].all(1)]
+    dense = points[voxel_filter(points, voxel_for(points, SURFACE_POINTS))]
+    voxel = voxel_for(points, CONTROL_POINTS)
+    face, barycentric, _ = locator(model).locate(dense)
+    return CanonicalSurface(model, dense, points[voxel_filter(points, voxel)], voxel, face, barycentric)
+
+
+def compact(scene: trimesh.Scene) -> trimesh.Scene:
+    """The scene with textures of at most `TEXTURE_SIDE` pixels, opaque ones as JPEG."""
+    for part in scene.geometry.values():
+        material = part.visual.material
+        image = material.baseColorTexture
+        if max(image.size) > TEXTURE_SIDE:
+            ratio = TEXTURE_SIDE / max(image.size)
+            size = (max(1, round(image.width * ratio)), max(1, round(image.height * ratio)))
+            image = image.resize(size, Image.Resampling.LANCZOS)
+        if image.mode == "RGB" and max(image.size) >= SMALLEST_JPEG:
+            buffer = io.BytesIO()
+            image.save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+            image = Image.open(buffer)  # its format tells the GLB writer to keep it a JPEG
+        material.baseColorTexture = image
+    return scene
+
+
+def _settings(choice: Choice, surface: CanonicalSurface, samples: int) -> Settings:
+    return Settings(
+        beta=choice.space.beta,
+        lam=choice.regularisation,
+        modes=choice.space.n_modes,
+        metric="GW",
+        correspondences="exact",
+        control_points=len(surface.control_points),
+        voxel=surface.voxel,
+        samples=samples,
+    )
