@@ -46,7 +46,7 @@ class Curated:
 CURATED = {
     "mug": Curated(
         "Mugs with one handle: straight, tapered, bellied; espresso to soup size. +x is the handle.",
-        train=(0, 1, 2, 4, 5, 6, 8, 10, 12, 13, 15, 17, 22, 26, 29, 32, 35, 38),
+        train=(0, 1, 2, 4, 5, 6, 8, 10, 12, 13, 15, 17, 22, 26, 29, 38, 53, 56),
         test=(14, 20, 28, 31, 34, 37),
     ),
 }
