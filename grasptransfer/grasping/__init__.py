@@ -15,6 +15,7 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
+from grasptransfer.grasping.ranking import rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
 from grasptransfer.grasping.scene import Scene, load_scene
 from grasptransfer.grasping.surface import Surface
@@ -39,6 +40,7 @@ __all__ = [
     "load_gripper",
     "load_scene",
     "on_canonical",
+    "rank_grasps",
     "read_grasp_file",
     "refine_grasps",
     "save_grasps",

@@ -1,0 +1,224 @@
+"""How likely each grasp is to hold, over the shapes and poses that the picture leaves possible.
+
+The posterior of the shape is Gaussian in the latent, and displacements are linear in it: surface
+points of a plausible instance are `mean + basis x`, with no new field to evaluate. The pose is drawn
+around the estimate as well. For every draw the points near each opened gripper tell its clearance,
+what the pads meet, how flat, and how far the weight hangs beside them; a logistic model turns that
+into a chance of holding, and the score is the mean over the draws.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.frames import invert, transform_points
+from grasptransfer.grasping.collision import GraspCheck
+from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.warping import WarpedGrasp
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from grasptransfer.category import Category
+    from grasptransfer.perception.estimate import ShapeEstimate
+
+SURFACE_POINTS = 3000  # about 4 mm apart on a mug: some ten under each pad
+NEAR = 0.015  # m around the gripper: points farther away stay out of its reach in every draw
+PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Settings of the ranking.
+
+    Args:
+        draws: shapes and poses per call.
+        pose_shift, pose_turn: standard deviation of the pose along each axis [m, rad].
+        bias, clearance, flatness, coverage, lever: logistic model; clearance per mm (between -3 and 3),
+            flatness per unit cosine, coverage per share of a pad's points, lever per cm that the
+            centre of mass lies beside the closing line.
+    """
+
+    draws: int = 16
+    pose_shift: float = 0.002
+    pose_turn: float = 0.03
+    bias: float = -5.0
+    clearance: float = 0.9
+    flatness: float = 6.0
+    coverage: float = 1.5
+    lever: float = -0.25
+
+
+def rank_grasps(
+    grasps: Sequence[WarpedGrasp],
+    checks: Sequence[GraspCheck],
+    gripper: Gripper,
+    *,
+    mesh: "trimesh.Trimesh",
+    category: "Category | None" = None,
+    estimate: "ShapeEstimate | None" = None,
+    seed: int = 0,
+    settings: Ranking | None = None,
+) -> tuple[float, ...]:
+    """Expected success of each grasp in [0, 1]; 0 for those that failed their check.
+
+    Args:
+        grasps: on the instance, object frame.
+        checks: their checks.
+        mesh: the reconstruction, object frame [m].
+        category, estimate: whose posterior the shapes are drawn from; without them only the pose varies.
+        seed: of the draws; they are the same for all grasps.
+    """
+    settings = Ranking() if settings is None else settings
+    usable = [i for i, check in enumerate(checks) if check.usable]
+    scores = np.zeros(len(grasps))
+    if not usable:
+        return tuple(scores.tolist())
+    rng = np.random.default_rng(seed)
+    cloud = _Cloud.draw(mesh, category, estimate, settings, rng)
+    fits = 1.0 if estimate is None else float(np.clip(estimate.category_score, 0, 1))
+    for i in usable:
+        chance = _chances(grasps[i], checks[i].opening, gripper, cloud, settings)
+        scores[i] = fits * float(chance.mean())
+    return tuple(scores.tolist())
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """Surface points of the reconstruction, and how each draw moves them.
+
+    Args:
+        points, normals: (m, 3) object frame [m].
+        shifts: (s, m, 3) of each draw's shape [m].
+        motions: (s, 4, 4) of each draw's pose, `drawn_from_object`.
+        centre: (3,) centre of mass [m].
+    """
+
+    points: Float[np.ndarray, "m 3"]
+    normals: Float[np.ndarray, "m 3"]
+    shifts: Float[np.ndarray, "s m 3"]
+    motions: Float[np.ndarray, "s 4 4"]
+    centre: Float[np.ndarray, "3"]
+
+    @staticmethod
+    def draw(
+        mesh: "trimesh.Trimesh",
+        category: "Category | None",
+        estimate: "ShapeEstimate | None",
+        settings: Ranking,
+        rng: np.random.Generator,
+    ) -> "_Cloud":
+        import trimesh
+        from scipy.spatial.transform import Rotation
+
+        sampled = trimesh.sample.sample_surface(mesh, SURFACE_POINTS, seed=0)
+        points, faces = np.asarray(sampled[0]), np.asarray(sampled[1])
+        shifts = np.zeros((settings.draws, *points.shape))
+        if category is not None and estimate is not None and estimate.latent_covariance is not None:
+            corners = np.asarray(mesh.triangles[faces])
+            weights = trimesh.triangles.points_to_barycentric(corners, points)
+            vertices = np.asarray(category.canonical.vertices)[np.asarray(mesh.faces)[faces]]
+            points_canonical = np.einsum("mc,mci->mi", weights, vertices)
+            _, basis = category.shape_space.displacement_model(points_canonical)
+            covariance = estimate.latent_covariance
+            latents = rng.multivariate_normal(np.zeros(len(covariance)), covariance, settings.draws)
+            shifts = np.einsum("mik,sk->smi", basis, latents)
+        motions = np.tile(np.eye(4), (settings.draws, 1, 1))
+        turns = rng.normal(size=(settings.draws, 3)) * settings.pose_turn
+        motions[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
+        motions[:, :3, 3] = rng.normal(size=(settings.draws, 3)) * settings.pose_shift
+        centre = mesh.center_mass if mesh.is_watertight else mesh.centroid
+        return _Cloud(points, mesh.face_normals[faces], shifts, motions, np.asarray(centre))
+
+
+def _chances(
+    grasp: WarpedGrasp, opening: float, gripper: Gripper, cloud: _Cloud, settings: Ranking
+) -> Float[np.ndarray, "s"]:
+    """Chance of holding in each draw."""
+    gripper_from_object = invert(grasp.object_from_gripper)
+    boxes = _boxes(gripper, opening)
+    local = transform_points(gripper_from_object, cloud.points)
+    pads = _pad_corridor(gripper, opening, grasp.width)
+    near = (_distances(local, boxes) < NEAR) | _within(local, pads, NEAR)
+    moved = cloud.points[near] + cloud.shifts[:, near]
+    moved = np.einsum("sij,smj->smi", cloud.motions[:, :3, :3], moved) + cloud.motions[:, None, :3, 3]
+    moved = transform_points(gripper_from_object, moved)
+    normals = np.einsum("sij,mj->smi", cloud.motions[:, :3, :3], cloud.normals[near])
+    closing = normals @ grasp.object_from_gripper[:3, 0]
+    draws = len(moved)
+    clearance = np.full(draws, 0.003)
+    if moved.shape[1]:
+        distances = _distances(moved.reshape(-1, 3), boxes).reshape(draws, -1)
+        clearance = distances.min(axis=1)
+    between = _within(moved, pads, 0.0)
+    touched = np.stack([_touched(moved[..., 0], between, side) for side in (-1, 1)], axis=1)
+    count = touched.sum(axis=2)
+    cosines = np.stack([-closing, closing], axis=1)
+    # Each pad's points face it: towards -x those of the -x pad, towards +x those of the other.
+    flat = np.where(touched, cosines, 0).sum(axis=2) / np.maximum(count, 1)
+    lever = _lever(grasp, cloud)
+    evidence = (
+        settings.bias
+        + settings.clearance * np.clip(clearance * 1e3, -3, 3)
+        + settings.flatness * flat.min(axis=1)
+        + settings.coverage * np.minimum(count.min(axis=1) / 4, 1)
+        + settings.lever * lever * 100
+    )
+    chance = 1 / (1 + np.exp(-evidence))
+    return np.where(count.min(axis=1) > 0, chance, 0.0)
+
+
+def _lever(grasp: WarpedGrasp, cloud: _Cloud) -> float:
+    """How far the centre of mass lies beside the line between the pads [m]."""
+    offset = cloud.centre - grasp.object_from_gripper[:3, 3]
+    return float(np.linalg.norm(np.cross(offset, grasp.object_from_gripper[:3, 0])))
+
+
+def _touched(x: Float[np.ndarray, "s m"], between: np.ndarray, side: int) -> np.ndarray:
+    """Points that a pad coming from `side` (-1 or 1) meets first, in every draw."""
+    reach = np.where(between, side * x, -np.inf)
+    first = reach.max(axis=1, initial=-np.inf, keepdims=True)
+    return between & (reach > first - PATCH)
+
+
+def _boxes(gripper: Gripper, opening: float) -> list[tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "3"]]]:
+    """Every part of the opened gripper as a box: `box_from_gripper` and half its size [m]."""
+    poses = gripper.link_poses(opening)
+    boxes = []
+    for link in gripper.links:
+        for shape in link.shapes if link.collision is not None else ():
+            gripper_from_shape = poses[link.name] @ shape.link_from_shape
+            low, high = np.asarray(shape.mesh.bounds)
+            middle = np.eye(4)
+            middle[:3, 3] = (low + high) / 2
+            boxes.append((invert(gripper_from_shape @ middle), (high - low) / 2))
+    return boxes
+
+
+def _distances(points: Float[np.ndarray, "m 3"], boxes: list) -> Float[np.ndarray, "m"]:
+    """Signed distance to the nearest box [m], negative inside."""
+    nearest = np.full(len(points), np.inf)
+    for box_from_gripper, half in boxes:
+        beyond = np.abs(transform_points(box_from_gripper, points)) - half
+        outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
+        nearest = np.minimum(nearest, outside + np.minimum(beyond.max(axis=1), 0))
+    return nearest
+
+
+def _pad_corridor(
+    gripper: Gripper, opening: float, width: float
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """The box between the pads that they sweep when closing: its low and high corner [m]."""
+    height = float(gripper.pad_heights(np.array([width])).mean())
+    size = np.minimum(gripper.pads[0].size, gripper.pads[1].size)
+    low = np.array([-opening / 2, -size[0] / 2, height - size[1] / 2])
+    high = np.array([opening / 2, size[0] / 2, height + size[1] / 2])
+    return low, high
+
+
+def _within(points: np.ndarray, corners: tuple, margin: float) -> np.ndarray:
+    low, high = corners
+    return ((points > low - margin) & (points < high + margin)).all(axis=-1)
