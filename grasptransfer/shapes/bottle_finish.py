@@ -79,8 +79,8 @@ def _pick(rng: np.random.Generator, colours: tuple[Colour, ...]) -> Colour:
 
 
 def _draw_stuff(kind: str, rng: np.random.Generator) -> _Stuff:
-    clear, water = (214, 228, 232), (196, 222, 234)
-    pet = (rng.uniform(0.20, 0.36), rng.uniform(0.08, 0.2))
+    clear, water = (176, 196, 202), (178, 212, 228)
+    pet = (rng.uniform(0.14, 0.26), rng.uniform(0.08, 0.2))
     if kind == "water" or (kind in ("sport", "baby") and rng.random() < 0.5):
         tint = (
             clear if rng.random() < 0.5 else textures.hsv(rng.uniform(0.45, 0.62), rng.uniform(0.1, 0.6), 0.9)
@@ -92,10 +92,10 @@ def _draw_stuff(kind: str, rng: np.random.Generator) -> _Stuff:
         return _Stuff(_pick(rng, _DARK_GLASS), rng.uniform(0.72, 0.96), _RED_WINE, 1.0, 0.12)
     if kind in ("wine", "spirit"):
         drink = _pick(rng, ((226, 200, 110), (170, 90, 20), water, (236, 130, 110)))
-        return _Stuff((206, 222, 212), rng.uniform(0.22, 0.4), drink, 0.7, 0.08)
+        return _Stuff((160, 186, 172), rng.uniform(0.18, 0.32), drink, 0.7, 0.08)
     if kind == "beer":
         if rng.random() < 0.25:
-            return _Stuff(clear, rng.uniform(0.22, 0.35), (216, 150, 40), 0.8, 0.1)
+            return _Stuff(clear, rng.uniform(0.22, 0.35), (216, 150, 40), 0.85, 0.1)
         return _Stuff(_pick(rng, _BEER_GLASS), rng.uniform(0.65, 0.9), (90, 40, 8), 1.0, 0.1)
     if kind == "pill" and rng.random() < 0.6:
         amber = _pick(rng, ((214, 110, 20), (190, 84, 10), (120, 54, 10)))
@@ -114,7 +114,7 @@ def _thick_glass(image: Image.Image, cover: Image.Image, stuff: _Stuff, rng: np.
     """More wall to look through at the foot and the neck, and the long soft highlights of clear bottles."""
     if stuff.opacity == 1:
         return
-    more = min(stuff.opacity * 1.5, 0.97)
+    more = min(stuff.opacity * 1.8, 0.97)
     for low, high in ((0.0, 0.06), (0.90, 1.0)):
         textures.paste(cover, Image.new("L", (4, 4), round(255 * more)), (0, low, 1, high))
     white = Image.new("RGB", (4, 4), (255, 255, 255))
@@ -122,7 +122,7 @@ def _thick_glass(image: Image.Image, cover: Image.Image, stuff: _Stuff, rng: np.
         u, width = rng.random(), rng.uniform(0.008, 0.025)
         low, high = rng.uniform(0.06, 0.2), rng.uniform(0.6, 0.9)
         streak = (u, low, u + width, high)
-        textures.paste(cover, Image.new("L", (4, 4), round(255 * min(more + 0.15, 1))), streak)
+        textures.paste(cover, Image.new("L", (4, 4), round(255 * min(more + 0.2, 1))), streak)
         textures.paste(image, white, streak)
 
 
@@ -141,11 +141,10 @@ def _labels(p: BottleParameters, image: Image.Image, cover: Image.Image, rng: np
     if kind == "sleeve":
         v0, v1, size = 0.0, _V_UNDER + _V_SPAN * (p.neck - 0.02), p.neck * p.height
     if kind in ("wrap", "sleeve"):
-        _stick(
-            image, cover, labels.label(rng, *_pixels(around / 2, size), colour=paper), (0.25, v0, 0.75, v1)
-        )
-        back = labels.label(rng, *_pixels(around / 2, size), colour=paper)
-        _stick(image, cover, back, (-0.25, v0, 0.25, v1))
+        patch = labels.label(rng, *_pixels(around / 3, size), colour=paper)
+        for turn in (-1, 0, 1):
+            u = 0.5 + turn / 3
+            _stick(image, cover, patch, (u - 1 / 6, v0, u + 1 / 6, v1))
     elif kind in ("front", "both"):
         patch = labels.label(rng, *_pixels(share * around, size), colour=paper)
         if rng.random() < 0.25:
