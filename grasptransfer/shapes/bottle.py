@@ -11,7 +11,8 @@ from grasptransfer.shapes.shape import Part, Shape, centred
 from grasptransfer.shapes.surfaces import Surface, superellipse, tube
 
 COLUMNS, _CAP_COLUMNS = 40, 32
-_UNDER, _ROUND, _BODY, _SHOULDER, _NECK, _LIQUID = 6, 5, 46, 13, 6, 26  # rows of the regions
+_ROUND, _BODY, _SHOULDER, _NECK, _LIQUID = 5, 46, 13, 6, 26  # rows of the regions
+_FACTORS = np.array([0.0, 0.25, 0.5, 0.7, 0.82, 0.92])  # radii of the underside's rows, shares of its edge
 V_UNDER, V_TOP = 0.04, 0.96  # texture band of the outside, linear in height
 _OPEN_CAP = 0.0015  # m: height of the disc that is left of the cap inside the bore of an open bottle
 
@@ -92,6 +93,13 @@ def _rings(
     return np.concatenate([flat, np.broadcast_to(z[:, None, None], (*flat.shape[:2], 1))], axis=2)
 
 
+def _punt(p: BottleParameters) -> Float[np.ndarray, "r"]:
+    """How far the underside is pushed in [m] at `_FACTORS`."""
+    _, neck, _, _ = _levels(p)
+    depth = min(p.punt * p.half_width * min(1.0, 1.5 * p.depth), 0.5 * neck)
+    return depth * np.clip(1 - (_FACTORS / _FACTORS[-1]) ** 2, 0, 1) ** 0.8
+
+
 def _body(p: BottleParameters) -> Surface:
     shoulder, neck, base, top = _levels(p)
     edge = p.bottom_round * p.half_width * min(1.0, 2 * p.depth)
@@ -106,15 +114,7 @@ def _body(p: BottleParameters) -> Surface:
     bump = np.zeros(len(z))
     bump[-4:] = p.ring * np.array([0.2, 1, 1, 0.2])
     outside = _rings(COLUMNS, half_x + bump, half_y + bump, exponent, z)
-    factor = np.array([0.0, 0.25, 0.5, 0.7, 0.82, 0.92])
-    depth = p.punt * p.half_width * min(1.0, 1.5 * p.depth) * np.clip(1 - (factor / 0.92) ** 2, 0, 1) ** 0.8
-    under = _rings(
-        COLUMNS,
-        half_x[0] * factor,
-        half_y[0] * factor,
-        np.full(_UNDER, exponent[0]),
-        np.minimum(depth, 0.5 * neck),
-    )
+    under = _rings(COLUMNS, half_x[0] * _FACTORS, half_y[0] * _FACTORS, np.full(6, exponent[0]), _punt(p))
     # The finish under the cap, its lip and the bore.
     lip_x, lip_y = half_x[-1] * 0.96, half_y[-1] * 0.96
     bore = top - min(0.014, 0.6 * (top - neck))
@@ -122,7 +122,7 @@ def _body(p: BottleParameters) -> Surface:
     height = np.array([base, top - 0.0006, top, top, bore, bore])
     finish = _rings(COLUMNS, lip_x * share, lip_y * share, np.full(6, exponent[-1]), height)
     v = [
-        np.linspace(0, V_UNDER, _UNDER, endpoint=False),
+        np.linspace(0, V_UNDER, len(_FACTORS), endpoint=False),
         V_UNDER + (V_TOP - V_UNDER) * np.concatenate([z, height[:2]]) / top,
         np.linspace(V_TOP, 1, 5)[1:],
     ]
@@ -174,5 +174,8 @@ def _liquid(p: BottleParameters) -> Surface:
     z = bottom + (level - bottom) * np.linspace(0, 1, _LIQUID)
     half_x, half_y, exponent = half_sizes(p, z)
     rings = _rings(COLUMNS, half_x - wall, half_y - wall, exponent, z)
-    ends = np.broadcast_to(rings[[0, -1]].mean(1, keepdims=True), (2, COLUMNS, 3))
-    return tube(np.concatenate([ends[:1], rings, ends[1:]]), creases=(1, _LIQUID))
+    arch = np.minimum(bottom + _punt(p), level)
+    start = (half_x[0] - wall, half_y[0] - wall)
+    under = _rings(COLUMNS, start[0] * _FACTORS, start[1] * _FACTORS, np.full(6, exponent[0]), arch)
+    top = np.broadcast_to(rings[-1].mean(0), (1, COLUMNS, 3))
+    return tube(np.concatenate([under, rings, top]), creases=(len(under) + _LIQUID - 1,))

@@ -171,7 +171,7 @@ KINDS: dict[str, tuple[float, dict[str, tuple[float, float]]]] = {
     "detergent": (
         0.09,
         {
-            **{"height": (0.19, 0.31), "slim": (0.15, 0.24), "depth": (0.5, 0.9), "square": (2.4, 4.5)},
+            **{"height": (0.19, 0.29), "slim": (0.15, 0.22), "depth": (0.5, 0.9), "square": (2.4, 4.5)},
             **{"shoulder": (0.52, 0.74), "neck": (0.76, 0.86), "neck_radius": (0.013, 0.022)},
             **{"cap_height": (0.022, 0.045), "taper": (0.85, 1.05)},
         },
@@ -180,7 +180,7 @@ KINDS: dict[str, tuple[float, dict[str, tuple[float, float]]]] = {
         0.11,
         {
             **{"height": (0.13, 0.20), "slim": (0.19, 0.25), **_OVAL, "taper": (0.62, 1.0)},
-            **{"shoulder": (0.48, 0.68), "neck": (0.70, 0.80), "cap_share": (0.5, 0.75)},
+            **{"shoulder": (0.34, 0.68), "neck": (0.66, 0.80), "cap_share": (0.5, 0.75)},
             **{"cap_height": (0.018, 0.04), "cap_taper": (0.8, 1.0), "waist": (0.0, 0.12)},
         },
     ),
