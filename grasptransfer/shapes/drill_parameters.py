@@ -26,10 +26,10 @@ _RANGES = {
     "handle_depth": (0.033, 0.049),
     "handle_width": (0.026, 0.04),
     "rake": (-2.0, 16.0),
-    "swell": (-0.001, 0.006),
+    "swell": (-0.002, 0.006),
     "throat": (-0.003, 0.022),
     "trigger_length": (0.02, 0.038),
-    "trigger_reach": (0.007, 0.021),
+    "trigger_reach": (0.007, 0.023),
     "foot_length": (0.095, 0.128),
     "foot_width": (0.058, 0.084),
     "foot_forward": (0.45, 1.08),
@@ -178,10 +178,14 @@ class DrillParameters:
         if rng.random() < 0.12:
             drawn["bit"] = rng.uniform(0.008, 0.025)
         if rng.random() < 0.12:
-            drawn["foot_tilt"] = rng.uniform(-6, 8)
+            drawn["foot_tilt"] = rng.uniform(-8, 8)
         if rng.random() < 0.1:
             drawn["pitch"] = rng.uniform(4, 14)
-        return replace(cls(), **{name: float(value) for name, value in drawn.items()})
+        drill = replace(cls(), **{name: float(value) for name, value in drawn.items()})
+        excess = max(drill.foot_front - drill.chuck_tip + 0.004, 0.0)  # the foot ends behind the chuck
+        return replace(
+            drill, foot_forward=drill.foot_forward - excess / (drill.foot_length - drill.handle_depth)
+        )
 
     @property
     def foot_height(self) -> float:
@@ -192,6 +196,17 @@ class DrillParameters:
     def housing_height(self) -> float:
         """Height of the housing's axis over the handle [m above the ground]."""
         return self.foot_height + self.handle_length + self.body_height / 2
+
+    @property
+    def chuck_tip(self) -> float:
+        """How far the chuck reaches ahead along the housing's axis [m]."""
+        return self.body_length - self.overhang + self.clutch_length + self.chuck_length
+
+    @property
+    def foot_front(self) -> float:
+        """How far the foot reaches ahead [m]."""
+        spare = self.foot_length - self.handle_depth
+        return self.handle_x(self.foot_height) + self.handle_depth / 2 + self.foot_forward * spare
 
     def handle_x(self, z: float | Float[np.ndarray, "*r"]) -> float | Float[np.ndarray, "*r"]:
         """Where the handle's axis runs [m]; x = 0 at the housing's axis."""

@@ -105,7 +105,7 @@ def chuck(p: DrillParameters) -> Surface:
 
 def bit(p: DrillParameters) -> Surface:
     """A screwdriver bit."""
-    tip = _front(p)[0] + p.clutch_length + p.chuck_length
+    tip = p.chuck_tip
     start = tip - 0.12 * p.chuck_length - 0.004
     end = tip + p.bit if p.bit > 0 else tip - 0.1 * p.chuck_length  # without a bit, it hides in the chuck
     radius = min(0.2 * p.chuck_radius, 0.0035)
@@ -180,10 +180,7 @@ def selector(p: DrillParameters) -> Surface:
 
 def _foot_ends(p: DrillParameters) -> tuple[float, float]:
     """Rear and front end of the foot [m]."""
-    middle = p.handle_x(p.foot_height)
-    spare = p.foot_length - p.handle_depth
-    front = middle + p.handle_depth / 2 + p.foot_forward * spare
-    return front - p.foot_length, front
+    return p.foot_front - p.foot_length, p.foot_front
 
 
 def _tilted(p: DrillParameters, surface: Surface, lean: Float[np.ndarray, "v"]) -> Surface:
@@ -233,11 +230,12 @@ def battery(p: DrillParameters) -> Surface:
 
 def cord(p: DrillParameters) -> Surface:
     """Sleeve of the cord at the heel."""
-    rear = _foot_ends(p)[0]
-    z = p.battery_height + 0.2 * p.foot_flare
-    reach = p.cord if p.cord > 0 else -0.008  # without a cord, the sleeve hides in the foot
     s = np.linspace(0, 1, 12)
-    path = np.stack([rear + 0.012 - (reach + 0.012) * s, 0 * s, z - 0.2 * reach * s**2], -1)
+    if p.cord > 0:
+        start, reach, size = _foot_ends(p)[0] + 0.012, p.cord + 0.012, 1.0
+    else:  # hides in the foot under the handle
+        start, reach, size = p.handle_x(p.foot_height) + 0.004, 0.008, 0.4
+    z = p.battery_height + 0.2 * p.foot_flare
+    path = np.stack([start - reach * s, 0 * s, z - 0.2 * p.cord * s**2], -1)
     radius = np.where(s < 0.7, 0.0062 - 0.002 * s + 0.0005 * np.cos(np.arange(12) * np.pi), 0.0034)
-    sections = radius[:, None, None] * circle(14)
-    return sweep(path, sections)
+    return sweep(path, size * radius[:, None, None] * circle(14))

@@ -67,9 +67,9 @@ class SprayBottleFinish:
         nozzle = (head, WHITE, hsv(rng.choice([0.0, 0.12, 0.58]), 0.9, 0.85), BLACK)[rng.integers(4)]
         lever = (head, head, nozzle, draw_colour(rng))[rng.integers(4)]
         collar = (head, head, nozzle, shade(head, 0.8))[rng.integers(4)]
-        liquid = hsv(rng.random(), rng.choice([0.08, rng.uniform(0.4, 0.9)]), rng.uniform(0.5, 0.9))
+        liquid = hsv(rng.random(), rng.choice([0.08, rng.uniform(0.4, 0.9)]), rng.uniform(0.4, 0.75))
         if kind == "clear":
-            body = hsv(rng.random(), rng.choice([0.03, 0.15, 0.6]), rng.uniform(0.45, 0.8))
+            body = hsv(rng.random(), rng.choice([0.03, 0.15, 0.6]), rng.uniform(0.35, 0.65))
         labels = str(rng.choice(["sides", "around", "shrunk", "none"], p=[0.56, 0.18, 0.14, 0.12]))
         if kind == "clear" and labels == "shrunk":
             labels = "sides"
