@@ -20,6 +20,7 @@ import trimesh
 from grasptransfer.category import Category, load_category
 from grasptransfer.errors import CategoryError, NotSucceeded, SettingsError
 from grasptransfer.grasping import (
+    CollisionWorld,
     Gripper,
     Scene,
     check_grasps,
@@ -30,8 +31,9 @@ from grasptransfer.grasping import (
     refine_grasps,
     warp_grasps,
 )
-from grasptransfer.registration import DeformationField, FieldPair
+from grasptransfer.registration import DeformationField
 from grasptransfer.registration import register_pair as pair_fields
+from grasptransfer.registration.field import FieldPair
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -190,9 +192,9 @@ class GraspTransfer:
         """Warp, refine, check and rank the grasps on an estimated shape."""
         mesh = reconstruct(self.category, estimate.field)
         pose = estimate.camera_from_object
-        warped = warp_grasps(self.grasps, estimate.field)
-        refined = refine_grasps(warped, mesh, self.gripper)
-        checks = check_grasps(refined, mesh, self.gripper, scene=scene, camera_from_object=pose)
+        world = CollisionWorld(mesh, scene, pose)
+        refined = refine_grasps(warp_grasps(self.grasps, estimate.field), world, self.gripper)
+        checks = check_grasps(refined, world, self.gripper)
         scores = rank_grasps(
             refined,
             checks,

@@ -113,7 +113,7 @@ def test_a_training_step_on_one_batch_lowers_its_loss(folder, loss):
 
 def test_a_perfect_prediction_has_no_error(folder):
     _, targets = training_batch(Dataset(folder), np.arange(4), np.random.default_rng(0))
-    zero = torch.zeros(4, 1, 48, 64)
+    zero = torch.zeros(4, 1, 24, 32)
     perfect = Prediction(targets["offset"], zero, targets["flow"], zero, (targets["mask"] - 0.5) * 100)
     terms = training_loss(perfect, targets, "likelihood")
     assert terms["offset_mm"] < 0.02  # the square root is rounded off at zero
@@ -122,7 +122,7 @@ def test_a_perfect_prediction_has_no_error(folder):
 
 def test_an_unknown_loss_or_network_names_the_choices(folder):
     _, targets = training_batch(Dataset(folder), np.arange(1), np.random.default_rng(0))
-    zero = torch.zeros(1, 1, 48, 64)
+    zero = torch.zeros(1, 1, 24, 32)
     prediction = Prediction(targets["offset"], zero, targets["flow"], zero, targets["mask"])
     with pytest.raises(SettingsError, match="paper"):
         training_loss(prediction, targets, "nonsense")

@@ -1,4 +1,4 @@
-"""`bench photos`: real photographs with known poses; shapes are compared where a mesh is known, else sizes."""
+"""`bench photos`: real photographs with known poses; compares shapes where a mesh is known, else sizes."""
 
 from collections import defaultdict
 from collections.abc import Callable

@@ -9,6 +9,7 @@ from PIL import Image, ImageFilter
 from torch import Tensor
 
 from grasptransfer.perception.dataset import Dataset
+from grasptransfer.perception.networks import MASK_STRIDE
 from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH
 
 
@@ -50,8 +51,8 @@ def training_batch(
 
 def _compose(
     observed: UInt8[np.ndarray, "192 256 5"], dataset: Dataset, rng: np.random.Generator
-) -> tuple[UInt8[np.ndarray, "192 256 3"], Float32[np.ndarray, "96 128"]]:
-    """The picture and the share of each half-resolution pixel that the visible object covers."""
+) -> tuple[UInt8[np.ndarray, "192 256 3"], Float32[np.ndarray, "48 64"]]:
+    """The picture and the share of each mask cell that the visible object covers."""
     alpha = observed[..., 3:4].astype(np.float32) / 255
     picture = observed[..., :3].astype(np.float32) * rng.uniform(0.6, 1.3) + _background(dataset, rng) * (
         1 - alpha
@@ -60,7 +61,7 @@ def _compose(
     for _ in range(rng.integers(1, 3) if rng.random() < 0.25 else 0):
         _occlude(picture, mask, dataset, rng)
     picture = _degrade(_photometry(picture, rng), rng)
-    return picture, mask.reshape(ZOOM_HEIGHT // 2, 2, ZOOM_WIDTH // 2, 2).mean((1, 3))
+    return picture, mask.reshape(ZOOM_HEIGHT // MASK_STRIDE, MASK_STRIDE, -1, MASK_STRIDE).mean((1, 3))
 
 
 def _background(dataset: Dataset, rng: np.random.Generator) -> Float32[np.ndarray, "192 256 3"]:

@@ -7,7 +7,7 @@ import trimesh
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from grasptransfer.camera import Camera
-from grasptransfer.perception.networks import STRIDE
+from grasptransfer.perception.networks import CELL_PIXEL, STRIDE
 from grasptransfer.perception.rendering import Renderer, position_image
 
 
@@ -20,7 +20,7 @@ class CanonicalView:
             bounding box along x, y, z; 0 outside the model.
         cell_points: (c, 3) canonical positions [m] of the visible cells.
         cell_pixels: (c, 2) their zoomed pixels (u, v).
-        cell_mask: (h / 4, w / 4) which cells are visible.
+        cell_mask: (h / 8, w / 8) which cells are visible.
     """
 
     coordinates: UInt8[np.ndarray, "h w 3"]
@@ -49,7 +49,7 @@ def view_canonical(
 
 def cell_centres(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of the zoomed pixels that the network's cells stand for."""
-    return np.arange(STRIDE // 2, camera.height, STRIDE), np.arange(STRIDE // 2, camera.width, STRIDE)
+    return np.arange(CELL_PIXEL, camera.height, STRIDE), np.arange(CELL_PIXEL, camera.width, STRIDE)
 
 
 def _as_colours(

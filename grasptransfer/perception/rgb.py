@@ -15,7 +15,7 @@ from grasptransfer.errors import PoseError, WeightsError
 from grasptransfer.perception.augmentation import network_input
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
-from grasptransfer.perception.networks import FLOW_UNIT, OFFSET_UNIT
+from grasptransfer.perception.networks import FLOW_UNIT, MASK_STRIDE, OFFSET_UNIT
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import Motion, PoseAndShape, PosePrior, fit_pose_and_shape
 from grasptransfer.perception.rendering import Renderer
@@ -44,7 +44,7 @@ class Look:
         camera: of the zoomed picture.
         view: canonical model at the assumed pose.
         motion: predicted motion of its visible cells.
-        object_probability: (h / 2, w / 2) of the zoomed picture.
+        object_probability: (h / 4, w / 4) of the zoomed picture.
     """
 
     camera: Camera
@@ -152,7 +152,9 @@ class RgbEstimator:
         """How well the reconstruction covers what the network takes for the object, in [0, 1]."""
         mesh = self.category.canonical.copy()
         mesh.vertices = field(np.asarray(mesh.vertices))
-        silhouette = self.renderer.depth(mesh, look.camera, fit.camera_from_object)[::2, ::2] > 0
+        silhouette = (
+            self.renderer.depth(mesh, look.camera, fit.camera_from_object)[2::MASK_STRIDE, 2::MASK_STRIDE] > 0
+        )
         seen = look.object_probability > 0.5
         overlap = (silhouette & seen).sum() / max((silhouette | seen).sum(), 1)
         # Beyond three standard deviations in every mode a shape is none of the category.
@@ -181,7 +183,7 @@ def _whole_mask(look: Look, camera: Camera) -> Bool[np.ndarray, "h w"]:
     left = camera.cx - (look.camera.cx + 0.5) / scale_u
     top = camera.cy - (look.camera.cy + 0.5) / scale_v
     # PIL's affine map takes output pixel corners to input pixel corners.
-    step_u, step_v = scale_u / 2, scale_v / 2
+    step_u, step_v = scale_u / MASK_STRIDE, scale_v / MASK_STRIDE
     matrix = (step_u, 0, -(left + 0.5) * step_u, 0, step_v, -(top + 0.5) * step_v)
     picture = Image.fromarray(look.object_probability.astype(np.float32))
     whole = picture.transform(

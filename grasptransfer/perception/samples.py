@@ -51,9 +51,9 @@ class Sample:
     observed: UInt8[np.ndarray, "192 256 5"]  # RGB over black, alpha, silhouette
     canonical: UInt8[np.ndarray, "192 256 3"]
     box: Float32[np.ndarray, "4"]  # told box of the object in the zoomed picture [px]; NaN: none told
-    offset: Float16[np.ndarray, "48 64 3"]  # [OFFSET_UNIT]
-    flow: Float16[np.ndarray, "48 64 2"]  # [FLOW_UNIT]
-    valid: Bool[np.ndarray, "48 64"]
+    offset: Float16[np.ndarray, "24 32 3"]  # [OFFSET_UNIT]
+    flow: Float16[np.ndarray, "24 32 2"]  # [FLOW_UNIT]
+    valid: Bool[np.ndarray, "24 32"]
 
 
 def render_sample(
@@ -91,7 +91,7 @@ def render_sample(
 
 def true_motion(
     shape: TrainingShape, canonical: trimesh.Trimesh, zoomed: Camera, *, true_pose, told_pose
-) -> tuple[Float16[np.ndarray, "48 64 3"], Float16[np.ndarray, "48 64 2"], Bool[np.ndarray, "48 64"]]:
+) -> tuple[Float16[np.ndarray, "24 32 3"], Float16[np.ndarray, "24 32 2"], Bool[np.ndarray, "24 32"]]:
     """Offsets, flow and their validity at the network's cells, from exact correspondences."""
     rows, columns = cell_centres(zoomed)
     pixels = np.stack(np.meshgrid(columns, rows), -1).astype(float)

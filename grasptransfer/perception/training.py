@@ -22,6 +22,7 @@ from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.weights import WeightsInfo, save_weights
 
 CHECKPOINT_STEPS = 250
+ECHO_WINDOW = 8  # batches between two uses of the same one
 HELD_OUT_SEED = 1_000_003  # held-out shapes come from another seed than the training ones
 
 
@@ -37,6 +38,7 @@ class TrainingConfig:
         held_out: rendered samples of other shapes, to watch.
         steps: optimiser steps.
         batch: samples a step, over all processes.
+        echo: how often each augmented batch is used; above 1 where preparing it costs more than learning.
         learning_rate: peak of the one-cycle schedule.
         weight_decay: of AdamW.
         seed: of everything random.
@@ -47,9 +49,10 @@ class TrainingConfig:
     loss: str = "likelihood"
     samples: int = 20_000
     held_out: int = 512
-    steps: int = 6000
-    batch: int = 16
-    learning_rate: float = 1.2e-3
+    steps: int = 4500
+    batch: int = 32
+    echo: int = 1
+    learning_rate: float = 1e-3
     weight_decay: float = 0.02
     seed: int = 0
 
@@ -93,15 +96,18 @@ def train(
         torch.distributed.barrier()
     training_set, held_out_set = _data_sets(config, run_folder, workers, None)
     run = _Run(config, run_folder, torch.device(choose_device(device)), rank, world)
-    batches = prefetch(lambda step: run.batch_of(step, training_set), range(run.step, config.steps))
+    numbers = [_batch_number(step, config.echo) for step in range(run.step, config.steps)]
+    batches = prefetch(lambda number: run.batch_of(number, training_set), numbers, reuse=ECHO_WINDOW)
     clock, since = time.monotonic(), run.step
+    recent: list[dict[str, torch.Tensor]] = []
     for inputs, targets in batches:
-        terms = run.advance(inputs, targets)
+        recent.append(run.advance(inputs, targets))
         if rank == 0 and (run.step % 50 == 0 or run.step == config.steps):
             spent = time.monotonic() - clock
             speed = (run.step - since) * config.batch / spent
             clock, since, run.seconds = clock + spent, run.step, run.seconds + spent
-            values = {name: value.item() for name, value in terms.items()}
+            values = {name: float(np.mean([terms[name].item() for terms in recent])) for name in recent[0]}
+            recent.clear()
             run.log(values)
             if on_step:
                 on_step(Progress(run.step, config.steps, values, speed))
@@ -128,7 +134,7 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
             with torch.autocast(device.type, dtype=torch.bfloat16):
                 prediction = network(inputs.to(device))
             collected.append(
-                {k: float(v) for k, v in training_loss(prediction, targets, config.loss).items()}
+                {k: v.item() for k, v in training_loss(prediction, targets, config.loss).items()}
             )
     network.train()
     return {name: float(np.mean([terms[name] for terms in collected])) for name in collected[0]}
@@ -151,9 +157,9 @@ class _Run:
         self._restore()
         self.parallel = DistributedDataParallel(self.network) if world > 1 else self.network
 
-    def batch_of(self, step: int, dataset: Dataset):
-        # Every batch follows from its step alone, so a resumed run sees what an unbroken one would.
-        rng = np.random.default_rng([self.config.seed, 4, step, self.rank])
+    def batch_of(self, number: int, dataset: Dataset):
+        # Every batch follows from its number alone, so a resumed run sees what an unbroken one would.
+        rng = np.random.default_rng([self.config.seed, 4, number, self.rank])
         indices = rng.integers(len(dataset), size=self.config.batch // self.world)
         return training_batch(dataset, np.sort(indices), rng)
 
@@ -169,7 +175,7 @@ class _Run:
         self.optimiser.step()
         self.schedule.step()
         self.step += 1
-        return terms
+        return {name: value.detach() for name, value in terms.items()}
 
     def save(self):
         state = {
@@ -209,6 +215,12 @@ class _Run:
         self.optimiser.load_state_dict(state["optimiser"])
         self.schedule.load_state_dict(state["schedule"])
         self.step, self.seconds = state["step"], state["seconds"]
+
+
+def _batch_number(step: int, echo: int) -> int:
+    """Which batch a step uses: windows of batches are repeated `echo` times, so no batch follows itself."""
+    window, place = divmod(step, ECHO_WINDOW * echo)
+    return window * ECHO_WINDOW + place % ECHO_WINDOW
 
 
 def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) -> tuple[Dataset, Dataset]:

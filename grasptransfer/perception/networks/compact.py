@@ -13,20 +13,28 @@ from torch.nn import functional
 
 from grasptransfer.perception.networks import Prediction
 
-WIDTHS = (16, 48, 80, 128, 192)  # channels at strides 2, 4, 8, 16, 32
+WIDTHS = (32, 64, 112, 176)  # channels at strides 4, 8, 16, 32
 
 
 class CompactFlowNet(nn.Module):
-    """Encoder to stride 32 with a global context, decoder back to stride 4 (mask: 2)."""
+    """Encoder to stride 32 with a global context, decoder back to stride 8 (mask: 4)."""
 
     def __init__(self):
         super().__init__()
-        self.stem = nn.Sequential(nn.Conv2d(8, WIDTHS[0], 5, 2, 2, bias=False), _norm(WIDTHS[0]), nn.ReLU())
+        # One wide strided convolution: fine levels cost most of the time and hold least of the answer.
+        self.stem = nn.Sequential(nn.Conv2d(8, WIDTHS[0], 8, 4, 2, bias=False), _norm(WIDTHS[0]), nn.ReLU())
         self.down = nn.ModuleList(
             nn.Sequential(_conv(a, b, 2), ResidualBlock(b), ResidualBlock(b))
             for a, b in itertools.pairwise(WIDTHS)
         )
-        self.context = nn.Sequential(nn.Linear(WIDTHS[-1], 256), nn.ReLU(), nn.Linear(256, WIDTHS[-1]))
+        # Where things are matters to the whole shape, so the deepest level is not pooled but flattened.
+        self.context = nn.Sequential(
+            nn.Conv2d(WIDTHS[-1], 24, 1),
+            nn.Flatten(),
+            nn.Linear(24 * 6 * 8, 256),
+            nn.ReLU(),
+            nn.Linear(256, WIDTHS[-1]),
+        )
         self.up = nn.ModuleList(
             nn.Sequential(_conv(a + b, b, 1), ResidualBlock(b))
             for a, b in zip(WIDTHS[:1:-1], WIDTHS[-2:0:-1], strict=True)
@@ -42,7 +50,7 @@ class CompactFlowNet(nn.Module):
         for stage in self.down:
             levels.append(stage(levels[-1]))
         deep = levels[-1]
-        deep = deep + self.context(deep.mean((2, 3)))[:, :, None, None]
+        deep = deep + self.context(deep)[:, :, None, None]
         for stage, skip in zip(self.up, levels[-2:0:-1], strict=True):
             deep = stage(torch.cat([_double(deep), skip], 1))
         motion = self.motion(deep)
