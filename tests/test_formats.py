@@ -1,0 +1,164 @@
+import json
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from grasptransfer.errors import GraspFileError
+from grasptransfer.frames import rigid, transform_points
+from grasptransfer.grasping.formats import GraspSet, convert, read_grasps, write_grasps
+from grasptransfer.grasping.grasps import Grasp, load_grasps, save_grasps
+from grasptransfer.grasping.gripper import list_grippers, load_gripper
+
+SUFFIXES = (".yaml", ".h5", ".npy", ".json")
+PANDA = load_gripper("panda")
+
+
+def some_grasps(count=4):
+    rng = np.random.default_rng(0)
+    grasps = []
+    for i in range(count):
+        pose = rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-0.1, 0.1, 3))
+        contacts = transform_points(pose, np.array([[-0.01, 0, 0], [0.01, 0, 0]]))
+        grasps.append(
+            Grasp(f"grasp_{i}", "rim", pose, 0.02, 0.08, contacts, confidence=float(i % 2), opening=0.05)
+        )
+    return GraspSet(tuple(grasps), object_file="mug.obj", object_scale=0.01)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("name", list_grippers())
+def test_poses_survive_writing_and_reading(tmp_path, suffix, name):
+    before = some_grasps()
+    path = write_grasps(before, tmp_path / f"g{suffix}", gripper=name)
+    after = read_grasps(path, gripper=name)
+    for one, other in zip(before.grasps, after.grasps, strict=True):
+        np.testing.assert_allclose(one.canonical_from_gripper, other.canonical_from_gripper, atol=1e-8)
+        assert one.confidence == other.confidence
+        if suffix in (".yaml", ".npy"):
+            assert other.width == pytest.approx(0.02)
+    if suffix != ".npy":
+        assert (after.object_file, after.object_scale) == ("mug.obj", 0.01)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_converting_there_and_back_keeps_the_grasps(tmp_path, suffix):
+    source = save_grasps(some_grasps().grasps, tmp_path / "a.yaml", category="mug")
+    assert convert(source, tmp_path / f"b{suffix}") == 4
+    assert convert(tmp_path / f"b{suffix}", tmp_path / "c.yaml") == 4
+    for one, other in zip(load_grasps(source), read_grasps(tmp_path / "c.yaml").grasps, strict=True):
+        np.testing.assert_allclose(one.canonical_from_gripper, other.canonical_from_gripper, atol=1e-8)
+
+
+def test_acronym_has_its_origin_at_the_base_with_our_axes(tmp_path):
+    pose = rigid(Rotation.from_euler("x", 180, degrees=True).as_matrix(), np.array([0.0, 0, 0.05]))
+    grasp_set = GraspSet((Grasp("a", "a", pose, 0.02),))
+    with h5py.File(write_grasps(grasp_set, tmp_path / "g.h5")) as file:
+        written = np.asarray(file["grasps/transforms"])[0]
+    # From above: the Panda's base is 103.4 mm over its pads, and closes along the same x.
+    np.testing.assert_allclose(written[:3, 3], [0, 0, 0.05 + 0.1034], atol=1e-9)
+    np.testing.assert_allclose(written[:3, :3], pose[:3, :3], atol=1e-9)
+
+
+def test_isaac_poses_of_the_urdf_link_are_turned_to_the_tcp(tmp_path):
+    path = tmp_path / "g.yaml"
+    grasp = {"confidence": 1.0, "position": [0, 0, 0], "orientation": {"w": 1.0, "xyz": [0, 0, 0]}}
+    data = {"format": "isaac_grasp", "format_version": "1.0", "grasps": {"a": grasp}, "created_with": "x"}
+    data["gripper_frame_link"] = "/World/Franka/panda_hand"
+    path.write_text(yaml.safe_dump(data))
+    pose = read_grasps(path).grasps[0].canonical_from_gripper
+    np.testing.assert_allclose(pose, PANDA.base_from_tcp, atol=1e-7)
+    np.testing.assert_allclose(pose[:3, 0], [0, 1, 0], atol=1e-7)  # the panda_hand link closes along y
+    del data["gripper_frame_link"]  # GraspGen names no frame: the base, but with the TCP's axes
+    path.write_text(yaml.safe_dump(data))
+    pose = read_grasps(path).grasps[0].canonical_from_gripper
+    np.testing.assert_allclose(pose, rigid(np.eye(3), np.array([0, 0, 0.1034])), atol=1e-7)
+
+
+def test_isaac_files_hold_the_joints_at_the_grasp_and_on_the_way_in(tmp_path):
+    path = write_grasps(some_grasps(), tmp_path / "g.yaml")
+    grasp = yaml.safe_load(path.read_text())["grasps"]["grasp_0"]
+    assert grasp["cspace_position"]["panda_finger_joint1"] == pytest.approx(0.01)
+    assert grasp["pregrasp_cspace_position"]["panda_finger_joint2"] == pytest.approx(0.025)
+    assert read_grasps(path).grasps[0].opening == pytest.approx(0.05)
+
+
+def test_graspnet_rows_have_approach_first_and_tips_at_depth(tmp_path):
+    grasp_set = GraspSet((Grasp("a", "a", np.eye(4), 0.03, confidence=0.7),))
+    row = np.load(write_grasps(grasp_set, tmp_path / "g.npy"))[0]
+    assert row.shape == (17,)
+    np.testing.assert_allclose(row[[0, 1]], [0.7, 0.03])
+    rotation = row[4:13].reshape(3, 3)
+    np.testing.assert_allclose(rotation[:, 0], [0, 0, 1])  # approach
+    np.testing.assert_allclose(rotation[:, 1], [1, 0, 0])  # closing
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    assert row[3] == pytest.approx(0.009, abs=5e-4)  # the Panda's tips are half a pad past the TCP
+    row[3] += 0.02  # another gripper that reaches 2 cm past its grasp centre
+    np.save(tmp_path / "deep.npy", row[None])
+    pose = read_grasps(tmp_path / "deep.npy").grasps[0].canonical_from_gripper
+    np.testing.assert_allclose(pose[:3, 3], [0, 0, 0.02], atol=1e-9)
+
+
+def test_graspgen_files_have_the_documented_layout(tmp_path):
+    data = json.loads(write_grasps(some_grasps(), tmp_path / "g.json").read_text())
+    assert data["object"] == {"file": "mug.obj", "scale": 0.01}
+    assert np.array(data["grasps"]["transforms"]).shape == (4, 4, 4)
+    assert data["grasps"]["object_in_gripper"] == [False, True, False, True]
+
+
+def broken(path, what):
+    if what == "not h5":
+        path.write_text("hello")
+    elif what == "empty h5":
+        with h5py.File(path, "w") as file:
+            file["x"] = 1
+    elif what == "17":
+        np.save(path, np.zeros((3, 5)))
+    elif what == "pickle":
+        np.save(path, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    elif what == "reflection":
+        pose = np.diag([1.0, 1, -1, 1]).tolist()
+        path.write_text(json.dumps({"grasps": {"transforms": [np.eye(4).tolist(), pose]}}))
+    elif what == "millimetres":
+        pose = rigid(np.eye(3), np.array([0, 0, 150.0])).tolist()
+        path.write_text(json.dumps({"grasps": {"transforms": [pose]}}))
+    elif what == "flags":
+        data = {"transforms": [np.eye(4).tolist()], "object_in_gripper": [True, False]}
+        path.write_text(json.dumps({"grasps": data}))
+    elif what == "no json":
+        path.write_text("{")
+    elif what == "frame":
+        path.write_text("format: isaac_grasp\ngripper_frame: thumb\ngrasps: {a: 1}")
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "says"),
+    [
+        ("g.h5", "not h5", "HDF5"),
+        ("g.h5", "empty h5", "grasps/transforms"),
+        ("g.npy", "17", "(3, 5)"),
+        ("g.npy", "pickle", "npy"),
+        ("g.json", "reflection", "grasps.transforms[1]: rotation part is a reflection"),
+        ("g.json", "millimetres", "millimetres"),
+        ("g.json", "flags", "one flag"),
+        ("g.json", "no json", "JSON"),
+        ("g.yaml", "frame", "panda_hand"),
+        ("g.txt", "", ".npy"),
+        ("gone.npy", "", "does not exist"),
+    ],
+)
+def test_a_broken_file_is_named_and_nothing_is_written(tmp_path, name, what, says):
+    broken(tmp_path / name, what)
+    with pytest.raises(GraspFileError) as caught:
+        convert(tmp_path / name, tmp_path / "out.json")
+    assert says in str(caught.value)
+    assert name in str(caught.value)
+    assert not (tmp_path / "out.json").exists()
+
+
+def test_an_unknown_target_is_refused_before_reading(tmp_path):
+    with pytest.raises(GraspFileError, match="suffix"):
+        convert(tmp_path / "a.json", tmp_path / "a.csv")
