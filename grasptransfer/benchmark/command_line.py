@@ -70,6 +70,43 @@ def pose_noise(
     return _bench(lambda tick: run_pose_noise_benchmark(settings, workers=workers, progress=tick), json)
 
 
+def grasp(
+    *,
+    json: Path,
+    categories: tuple[str, ...] = (),
+    meshes: Path | None = None,
+    views: int = 12,
+    gripper: str = "panda",
+    protocol: str = "lift-shake-v1",
+    translation: float = 0.0,
+    rotation: float = 0.0,
+    workers: int = 2,
+    seed: int = 0,
+) -> int:
+    """Grasp success in PyBullet, on the true mesh, of rgb and the baselines.
+
+    Args:
+        json: file for the results.
+        categories: names; none given: all that have weights.
+        meshes: folder of <category>/<name>/mesh.*; none: the shipped test instances.
+        views: of the 74 viewpoints, spread evenly.
+        gripper: name.
+        protocol: named and versioned execution protocol.
+        translation: half-width of the told pose's uniform error on each axis [m].
+        rotation: largest turn of the told pose about a random axis [degrees].
+        workers: processes.
+        seed: of lights, backgrounds, pose errors and trials.
+    """
+    import math
+
+    from grasptransfer.benchmark.grasp import GraspSettings, run_grasp_benchmark
+
+    settings = GraspSettings(
+        _trained(categories), meshes, views, gripper, protocol, seed, translation, math.radians(rotation)
+    )
+    return _bench(lambda tick: run_grasp_benchmark(settings, workers=workers, progress=tick), json)
+
+
 def photos(
     *,
     json: Path,
@@ -118,5 +155,6 @@ def _trained(categories: tuple[str, ...]) -> tuple[str, ...]:
 COMMANDS: dict[str, Callable[..., Any]] = {
     "registration": registration,
     "pose-noise": pose_noise,
+    "grasp": grasp,
     "photos": photos,
 }

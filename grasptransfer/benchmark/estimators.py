@@ -40,6 +40,17 @@ class TrueOffsetsEstimator:
         )
 
 
+@dataclass(frozen=True)
+class TrueFieldEstimator:
+    """The whole true field at the told pose: what a perfect estimator would give the grasps."""
+
+    instance: Instance
+
+    def __call__(self, observation: Observation) -> ShapeEstimate:
+        """The instance's true field."""
+        return ShapeEstimate(self.instance.true_field, observation.camera_from_object)
+
+
 @dataclass
 class EstimatorSet:
     """Builds the estimators of one instance; network and renderer are shared by all instances of a category.

@@ -2,8 +2,8 @@
 
 Unknowns are a turn about the object's origin, a shift (camera frame) and the latent. Their
 residuals: where each canonical point, displaced by the shape and placed by the pose, is seen
-(flow), how far it was displaced (offsets), and the priors. The method goes beyond the paper,
-which keeps the told pose; its shape-only least squares (eq. 13) is `refine_pose=False`.
+(flow), how far it was displaced (offsets), and the priors. The paper fits the latent alone to
+offsets alone (eq. 13); flow says more where the shape is seen, and tells pose from shape.
 """
 
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ def fit_pose_and_shape(
         camera: of the zoomed picture.
         told_pose: `camera_from_object` that the prior is about.
         start_pose: `camera_from_object` to start from.
-        pose_prior: None keeps the start pose and uses the offsets alone.
+        pose_prior: None trusts the start pose and fits the latent alone.
     """
     mean, basis = model
     size = basis.shape[2]
@@ -94,9 +94,8 @@ def fit_pose_and_shape(
     covariance, converged = np.zeros((6 + size, 6 + size)), False
     for _ in range(ITERATIONS):
         hessian, gradient = _offset_terms(motion, mean, basis, latent)
-        if pose_prior is not None:
-            flow = _flow_terms(motion, points + mean + basis @ latent, basis, camera, pose)
-            hessian, gradient = hessian + flow[0], gradient + flow[1]
+        flow = _flow_terms(motion, points + mean + basis @ latent, basis, camera, pose)
+        hessian, gradient = hessian + flow[0], gradient + flow[1]
         hessian[np.diag_indices(6 + size)] += prior
         gradient += prior * np.concatenate([_drift(told_pose, pose), latent])
         covariance[free, free] = np.linalg.inv(hessian[free, free])

@@ -19,7 +19,7 @@ from grasptransfer.perception.networks import FLOW_UNIT, MASK_STRIDE, OFFSET_UNI
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import Motion, PoseAndShape, PosePrior, fit_pose_and_shape
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.samples import NO_BOX_MARGIN
+from grasptransfer.perception.samples import NO_BOX_MARGIN, view_from_object
 from grasptransfer.perception.weights import find_weights, load_weights
 from grasptransfer.perception.zoom import (
     ZOOM_WIDTH,
@@ -140,7 +140,7 @@ class RgbEstimator:
             part[0, :, cells].float().cpu().numpy().T.astype(float) for part in prediction[:4]
         )
         motion = Motion(
-            offset * OFFSET_UNIT,
+            offset * OFFSET_UNIT @ view_from_object(camera_from_object),
             np.exp(np.clip(offset_scale[:, 0], -5, 3)) * OFFSET_UNIT,
             view.cell_pixels + flow * FLOW_UNIT,
             np.exp(np.clip(flow_scale[:, 0], -5, 3)) * FLOW_UNIT,

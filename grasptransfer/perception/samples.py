@@ -23,6 +23,7 @@ from grasptransfer.perception.scenes import (
     draw_camera,
     draw_lighting,
     draw_pose,
+    towards,
 )
 from grasptransfer.perception.zoom import Box, enlarge, projected_box, union, zoom_box, zoom_camera
 
@@ -51,7 +52,7 @@ class Sample:
     observed: UInt8[np.ndarray, "192 256 5"]  # RGB over black, alpha, silhouette
     canonical: UInt8[np.ndarray, "192 256 3"]
     box: Float32[np.ndarray, "4"]  # told box of the object in the zoomed picture [px]; NaN: none told
-    offset: Float16[np.ndarray, "24 32 3"]  # [OFFSET_UNIT]
+    offset: Float16[np.ndarray, "24 32 3"]  # view axes [OFFSET_UNIT]
     flow: Float16[np.ndarray, "24 32 2"]  # [FLOW_UNIT]
     valid: Bool[np.ndarray, "24 32"]
 
@@ -105,10 +106,19 @@ def true_motion(
     cells = np.unravel_index(ray, pixels.shape[:2])
     offset, flow = np.zeros((*pixels.shape[:2], 3), np.float16), np.zeros((*pixels.shape[:2], 2), np.float16)
     valid = np.zeros(pixels.shape[:2], bool)
-    offset[cells] = (moved - points) / OFFSET_UNIT
+    offset[cells] = (moved - points) @ view_from_object(told_pose).T / OFFSET_UNIT
     flow[cells] = (seen - pixels[cells]) / FLOW_UNIT
     valid[cells] = known
     return offset, flow, valid
+
+
+def view_from_object(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3 3"]:
+    """Rotation from object axes to view axes: z along the ray to the object's origin, x right, y down.
+
+    In view axes an offset's first two components are what moves in the picture, wherever in it the
+    object is: far easier to learn than object axes, and the told pose turns them back exactly.
+    """
+    return towards(camera_from_object[:3, 3]).T @ camera_from_object[:3, :3]
 
 
 def _draw_boxes(shape, canonical, camera, true_pose, told_pose, rng) -> tuple[Float32[np.ndarray, "4"], Box]:

@@ -70,11 +70,11 @@ def draw_pose(camera: Camera, radius: float, rng: np.random.Generator) -> Float[
     pixel = np.array([rng.uniform(margin, PICTURE[0] - margin), rng.uniform(margin, PICTURE[1] - margin)])
     pose = np.eye(4)
     pose[:3, 3] = camera.unproject(pixel, np.array(distance))
-    pose[:3, :3] = _towards(pose[:3, 3]) @ rotation
+    pose[:3, :3] = towards(pose[:3, 3]) @ rotation
     return pose
 
 
-def _towards(point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def towards(point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     """The least rotation that takes the optical axis to the ray through `point`."""
     return Rotation.align_vectors([point / np.linalg.norm(point)], [[0.0, 0.0, 1.0]])[0].as_matrix()
 

@@ -22,7 +22,8 @@ class Prediction(NamedTuple):
     """Network output; cell (i, j) belongs to zoomed pixel (u, v) = (8 j + 2, 8 i + 2).
 
     Args:
-        offset: displacement of the canonical point seen in the cell, object axes [OFFSET_UNIT].
+        offset: displacement of the canonical point seen in the cell, view axes (`samples.view_from_object`)
+            [OFFSET_UNIT].
         offset_log_scale: logarithm of its Laplace scale [OFFSET_UNIT].
         flow: from the canonical pixel to where the displaced point is observed [FLOW_UNIT].
         flow_log_scale: logarithm of its Laplace scale [FLOW_UNIT].
