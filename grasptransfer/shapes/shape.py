@@ -42,7 +42,10 @@ class Material:
         from PIL import Image
 
         texture = self.texture if self.transparent else np.ascontiguousarray(self.texture[..., :3])
+        # pyrender never finds transparency in a texture, only in the factor: 254 makes it look.
+        factor = [255, 255, 255, 254 if self.transparent else 255]
         return trimesh.visual.material.PBRMaterial(
+            baseColorFactor=factor,
             baseColorTexture=Image.fromarray(texture),
             metallicFactor=float(self.metallic),
             roughnessFactor=float(self.roughness),
