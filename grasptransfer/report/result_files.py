@@ -1,0 +1,147 @@
+"""A transfer on disk: grasps.yaml, reconstruction.glb, field.npz and result.yaml, each whole or not there.
+
+result.yaml holds every grasp with status and reason; grasps.yaml only those that may be executed.
+Poses are in metres: `object` is the reconstruction's frame, `gripper` the TCP (+z approach, +x closing).
+"""
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+import yaml
+
+import grasptransfer
+from grasptransfer.category.files import write_whole
+from grasptransfer.errors import SettingsError
+from grasptransfer.grasping import Grasp
+from grasptransfer.grasping.formats import GraspSet, isaac_grasp
+
+if TYPE_CHECKING:
+    from grasptransfer.transfer import TransferredGrasp, TransferResult
+
+GRASPS, RECONSTRUCTION, FIELD, RESULT = "grasps.yaml", "reconstruction.glb", "field.npz", "result.yaml"
+
+
+def save_result(result: "TransferResult", folder: Path) -> Path:
+    """Write grasps.yaml, reconstruction.glb, field.npz and result.yaml into `folder`.
+
+    Raises:
+        SettingsError: the folder cannot be written.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_isaac_grasp(result, folder / GRASPS)
+        write_reconstruction(result.mesh, folder / RECONSTRUCTION)
+        result.field.save(folder / FIELD)
+        text = yaml.dump(as_data(result), Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=110)
+        write_whole(folder / RESULT, text.encode())
+    return folder
+
+
+def write_isaac_grasp(result: "TransferResult", path: Path) -> Path:
+    """Write the usable grasps, best first, as isaac_grasp YAML: object frame, TCP, score as confidence."""
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        grasps = tuple(_as_grasp(grasp) for grasp in result.usable)
+        isaac_grasp.write(GraspSet(grasps, object_frame="object"), path, result.gripper)
+    return path
+
+
+def write_reconstruction(mesh: trimesh.Trimesh, path: Path) -> Path:
+    """Write the reconstruction as GLB, vertices in the object frame [m]."""
+    # Fresh normals: those of the canonical model do not fit the warped surface.
+    fresh = trimesh.Trimesh(
+        np.asarray(mesh.vertices), np.asarray(mesh.faces), visual=mesh.visual, process=False
+    )
+    write_whole(path, trimesh.Scene(fresh).export(file_type="glb", include_normals=True))
+    return path
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn the system's refusal to write below `path` into one clear sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise SettingsError("cannot be written", path=path, fix=str(error)) from error
+
+
+def as_data(result: "TransferResult") -> dict:
+    """Everything but the arrays of points, as plain numbers and names."""
+    observation = result.observation
+    return {
+        "format": "grasptransfer_result",
+        "format_version": 1,
+        "grasptransfer": grasptransfer.__version__,
+        "category": result.category.name,
+        "canonical_sha256": result.category.canonical_sha256,
+        "gripper": result.gripper.name,
+        "status": result.status.value,
+        "advice": result.status.advice,
+        "category_score": round(float(result.category_score), 4),
+        "length_unit": "m",
+        "image": {
+            "width": observation.camera.width,
+            "height": observation.camera.height,
+            "sha256": hashlib.sha256(np.ascontiguousarray(observation.image)).hexdigest(),
+        },
+        "camera": {name: float(getattr(observation.camera, name)) for name in ("fx", "fy", "cx", "cy")},
+        "told_camera_from_object": _rows(observation.camera_from_object),
+        "camera_from_object": _rows(result.camera_from_object),
+        "extents": _numbers(result.mesh.extents),
+        "latent": None if result.latent is None else _numbers(result.latent),
+        "latent_std": None
+        if result.latent_covariance is None
+        else _numbers(np.sqrt(np.diag(result.latent_covariance))),
+        "seconds": {name: round(float(seconds), 4) for name, seconds in result.timings.items()},
+        "usable": len(result.usable),
+        "grasps": {grasp.name: _grasp_data(grasp) for grasp in result.grasps},
+    }
+
+
+def _grasp_data(grasp: "TransferredGrasp") -> dict:
+    return {
+        "label": grasp.label,
+        "status": grasp.status.value,
+        "usable": grasp.usable,
+        "reason": grasp.reason,
+        "score": round(float(grasp.score), 4),
+        "width": round(float(grasp.width), 5),
+        "opening": round(float(grasp.opening), 5),
+        "approach_distance": round(float(grasp.approach_distance), 5),
+        "object_from_gripper": _rows(grasp.object_from_gripper),
+        "camera_from_gripper": _rows(grasp.camera_from_gripper),
+        "contacts": None if grasp.contacts is None else _rows(grasp.contacts),
+    }
+
+
+def _as_grasp(grasp: "TransferredGrasp") -> Grasp:
+    return Grasp(
+        name=grasp.name,
+        label=grasp.label,
+        canonical_from_gripper=grasp.object_from_gripper,
+        width=grasp.width,
+        approach_distance=grasp.approach_distance,
+        contacts=grasp.contacts,
+        confidence=float(np.clip(grasp.score, 0, 1)),
+        opening=grasp.opening,
+    )
+
+
+def _numbers(values) -> list[float]:
+    return [round(float(value), 6) for value in values]
+
+
+def _rows(matrix) -> list[list[float]]:
+    return [[round(float(value), 9) for value in row] for row in matrix]
+
+
+class _Dumper(yaml.SafeDumper):
+    """Without the `&id001` that YAML puts where one list occurs twice."""
+
+    def ignore_aliases(self, data):
+        return True
