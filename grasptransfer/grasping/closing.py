@@ -17,10 +17,11 @@ class Closing:
     """What the two pads (-x, +x) meet, for g grasps.
 
     Args:
-        points: middle of each touched patch, the mesh's frame [m]; NaN where nothing is touched.
+        points: middle of each touched patch of the surface, its frame [m]; NaN where nothing is touched.
         normals: unit outward normals there, averaged over the patch.
-        local: the same points in the TCP frame [m].
+        local: the points of the pads that meet them, TCP frame [m].
         touching: whether each pad meets anything.
+        buried: whether a pad starts inside the object: a ray from it meets a face from behind.
         coverage: touched share of each pad, 0 to 1.
         cosines: of the angle between each normal and its pad's; 1 is flat, 0 grazing.
         width: distance between the pads when both touch [m]; NaN where one does not.
@@ -30,6 +31,7 @@ class Closing:
     normals: Float[np.ndarray, "g 2 3"]
     local: Float[np.ndarray, "g 2 3"]
     touching: Bool[np.ndarray, "g 2"]
+    buried: Bool[np.ndarray, "g 2"]
     coverage: Float[np.ndarray, "g 2"]
     cosines: Float[np.ndarray, "g 2"]
     width: Float[np.ndarray, "g"]
@@ -72,6 +74,9 @@ def close_pads(
     directions = np.broadcast_to(inward[:, :, None], origins.shape)
     distance, faces = surface.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
     distance, faces = distance.reshape(count, 2, rays), faces.reshape(count, 2, rays)
+    face_normals = surface.mesh.face_normals[faces]
+    behind = np.einsum("gprj,gprj->gpr", face_normals, directions) > 0
+    buried = (behind & np.isfinite(distance)).any(axis=2)
     # A pad can only touch what lies between the pads.
     distance = np.where(distance < opening[:, None, None], distance, np.inf)
     first = distance.min(axis=2)
@@ -81,8 +86,9 @@ def close_pads(
     local = np.einsum("gpr,gprj->gpj", weight, starts)
     travelled = np.where(touching, first, 0.0)
     local[..., 0] -= side * travelled
-    points = np.einsum("gij,gpj->gpi", rotation, local) + position[:, None]
-    normals = np.einsum("gpr,gprj->gpj", weight, surface.mesh.face_normals[faces])
+    hits = origins + np.where(patch, distance, 0.0)[..., None] * directions
+    points = np.einsum("gpr,gprj->gpj", weight, hits)
+    normals = np.einsum("gpr,gprj->gpj", weight, face_normals)
     length = np.linalg.norm(normals, axis=2, keepdims=True)
     normals = normals / np.where(length > 0, length, 1)
     both = touching.all(axis=1)
@@ -92,6 +98,7 @@ def close_pads(
         normals=np.where(nowhere, np.nan, normals),
         local=np.where(nowhere, np.nan, local),
         touching=touching,
+        buried=buried,
         coverage=patch.mean(axis=2),
         cosines=np.where(touching, -np.einsum("gpi,gpi->gp", normals, inward), 0.0),
         width=np.where(both, local[:, 1, 0] - local[:, 0, 0], np.nan),

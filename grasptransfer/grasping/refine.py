@@ -34,8 +34,8 @@ class Refinement:
         samples: motions per grasp and round.
         shift: standard deviation of the first round's shifts [m].
         turn: standard deviation of the first round's turns [rad].
-        tested: cheapest poses per grasp and round that are tested for collision.
         farthest_shift, farthest_turn: where the cost of leaving the annotated intention reaches `leaving`.
+        farthest_tilt: angle of a contact's normal where the cost reaches `tilt` [rad].
         missing, tilt, coverage, off_centre, leaving, colliding: weights of the cost.
     """
 
@@ -43,11 +43,11 @@ class Refinement:
     samples: int = 20
     shift: float = 0.005
     turn: float = 0.12
-    tested: int = 6
     farthest_shift: float = 0.015
     farthest_turn: float = 0.35
+    farthest_tilt: float = 0.35
     missing: float = 4.0
-    tilt: float = 2.0
+    tilt: float = 1.5
     coverage: float = 0.5
     off_centre: float = 0.5
     leaving: float = 0.4
@@ -121,14 +121,15 @@ class _Search:
         self._align()
         for round_ in range(self.settings.rounds):
             self._round(0.5**round_, first=round_ == 0)
-        openings = np.array([self.gripper.approach_opening(width) for width in self.widths])
-        closing = close_pads(self.world.surface, self.best, openings, self.gripper, expected=self.widths)
+        closing = self._close(self.best[:, None])
         return [self._result(i, closing) for i in range(len(self.grasps))]
 
     def _widen(self) -> None:
-        """Open further where a pad would start inside the object: it meets the surface from within."""
-        for _ in range(3):
-            inside = self._close(self.best[:, None]).cosines.min(axis=1) < 0
+        """Open further where a pad would start inside the object."""
+        for _ in range(int(np.ceil(self.gripper.max_width / 0.01))):
+            inside = self._close(self.best[:, None]).buried.any(axis=1)
+            if not (inside & (self.openings < self.gripper.max_width)).any():
+                return
             self.openings[inside] = np.minimum(self.openings[inside] + 0.01, self.gripper.max_width)
 
     def _align(self) -> None:
@@ -140,7 +141,7 @@ class _Search:
         axis = np.where(usable[:, None], axis / np.where(usable, length, 1)[:, None], self.best[:, :3, 0])
         turn = np.cross(self.best[:, :3, 0], axis)
         turned = self.best.copy()
-        turned[:, :3, :3] = _rotations(0.7 * turn) @ self.best[:, :3, :3]
+        turned[:, :3, :3] = _rotations(turn) @ self.best[:, :3, :3]
         self._keep(np.stack([self.best, turned], axis=1))
 
     def _round(self, scale: float, *, first: bool) -> None:
@@ -176,7 +177,7 @@ class _Search:
         order = np.argsort(cost, axis=1, kind="stable")
         for i in range(count):
             chosen = cheapest = order[i, 0]
-            for candidate in order[i, : self.settings.tested]:
+            for candidate in order[i]:
                 if cost[i, candidate] > cost[i, cheapest] + self.settings.colliding:
                     break
                 if not self.world.touching(candidates[i, candidate], self.opened[i]):
@@ -187,7 +188,7 @@ class _Search:
     def _cost(self, closing: Closing, candidates: Float[np.ndarray, "g c 4 4"]) -> Float[np.ndarray, "g c"]:
         settings, shape = self.settings, candidates.shape[:2]
         missing = (~closing.touching).sum(axis=1).reshape(shape)
-        tilt = 1 - closing.cosines.min(axis=1).reshape(shape)
+        tilt = np.arccos(np.clip(closing.cosines.min(axis=1), -1, 1)).reshape(shape)
         bare = 1 - closing.coverage.min(axis=1).reshape(shape)
         middle = np.nan_to_num(closing.local[..., 1:]).mean(axis=1)
         middle[:, 1] -= self.gripper.pad_heights(np.repeat(self.widths, shape[1])).mean(axis=1)
@@ -199,7 +200,7 @@ class _Search:
         left = (shift / settings.farthest_shift) ** 2 + (turn / settings.farthest_turn) ** 2
         return (
             settings.missing * missing
-            + settings.tilt * tilt
+            + settings.tilt * (tilt / settings.farthest_tilt) ** 2
             + settings.coverage * bare
             + settings.off_centre * off**2
             + settings.leaving * left

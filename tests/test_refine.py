@@ -1,0 +1,136 @@
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from grasptransfer.frames import rigid, rotation_angle
+from grasptransfer.grasping.collision import check_grasps
+from grasptransfer.grasping.grasps import Grasp
+from grasptransfer.grasping.gripper import load_gripper
+from grasptransfer.grasping.ranking import rank_grasps
+from grasptransfer.grasping.refine import refine_grasps
+from grasptransfer.grasping.scene import Scene
+from grasptransfer.grasping.warping import on_canonical
+from grasptransfer.grasping.world import CollisionWorld
+
+PANDA = load_gripper("panda")
+DOWN = np.diag([1.0, -1.0, -1.0])
+BAR = trimesh.creation.box(extents=(0.02, 0.12, 0.05))
+CAN = trimesh.creation.cylinder(radius=0.03, height=0.12, sections=64)
+
+
+def on(position=(0, 0, 0.015), turn=(0, 0, 0), width=0.02):
+    rotation = DOWN @ Rotation.from_rotvec(turn).as_matrix()
+    return on_canonical([Grasp("g", "bar", rigid(rotation, np.array(position, dtype=float)), width)])
+
+
+def refined(grasps, mesh=BAR, scene=None):
+    world = CollisionWorld(mesh, scene)
+    better = refine_grasps(grasps, world, PANDA)
+    return better, check_grasps(better, world, PANDA)
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0.25), (0, 0.25, 0), (0, -0.2, -0.2), (0.2, 0, 0)])
+@pytest.mark.parametrize("shift", [(0, 0, 0), (0.006, 0, 0), (-0.004, 0.003, 0.004)])
+def test_pads_end_flat_and_centred_on_a_bar(turn, shift):
+    (grasp,), (check,) = refined(on(np.array([0, 0, 0.015]) + shift, turn))
+    assert check.usable
+    # A degree or two of tilt costs less than leaving the annotation to remove it.
+    assert np.degrees(np.arccos(check.antipodality)) < 4
+    assert grasp.width == pytest.approx(0.02, abs=0.001)
+    assert grasp.contacts[:, 0] == pytest.approx([-0.01, 0.01], abs=1e-6)
+    assert abs(grasp.object_from_gripper[0, 3]) < 0.001
+
+
+def test_a_good_grasp_hardly_moves():
+    (grasp,), _ = refined(on((0, 0, 0.012)))
+    assert np.linalg.norm(grasp.object_from_gripper[:3, 3] - [0, 0, 0.012]) < 0.004
+    assert rotation_angle(DOWN.T @ grasp.object_from_gripper[:3, :3]) < 0.06
+
+
+def test_a_grasp_that_closes_just_above_finds_the_object():
+    start = on((0, 0, 0.036))
+    assert not check_grasps(start, CollisionWorld(BAR), PANDA)[0].usable
+    (grasp,), (check,) = refined(start)
+    assert check.usable
+    assert grasp.object_from_gripper[2, 3] < 0.033
+
+
+def test_a_palm_that_hits_the_object_backs_out():
+    start = on((0, 0, -0.016))
+    assert not check_grasps(start, CollisionWorld(BAR), PANDA)[0].usable
+    _, (check,) = refined(start)
+    assert check.usable
+
+
+def test_a_wrong_width_is_corrected_on_the_surface():
+    for width in (0.005, 0.045):
+        (grasp,), _ = refined(on((0, 0, 0.04), width=width), CAN)
+        # A pad meets the can's two outermost facets: up to the facets' sagitta below 60 mm.
+        assert grasp.width == pytest.approx(0.06, abs=0.0012)
+
+
+def test_refinement_stays_near_the_intention():
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        start = on(rng.normal(size=3) * 0.004 + [0, 0, 0.015], rng.normal(size=3) * 0.15)
+        (grasp,), _ = refined(start)
+        before, after = start[0].object_from_gripper, grasp.object_from_gripper
+        assert np.linalg.norm(after[:3, 3] - before[:3, 3]) < 0.03
+        assert rotation_angle(before[:3, :3].T @ after[:3, :3]) < 0.7
+
+
+def test_no_object_in_reach_leaves_the_grasp_as_it_was():
+    start = on((0, 0, 0.5))
+    assert refined(start)[0][0] is start[0]
+    wide = on(width=0.09)
+    assert refine_grasps(wide, CollisionWorld(BAR), PANDA)[0] is wide[0]
+
+
+def test_rotations_stay_in_so3_and_a_batch_refines_as_one_by_one():
+    rng = np.random.default_rng(1)
+    starts = [on(rng.normal(size=3) * 0.004, rng.normal(size=3) * 0.2)[0] for _ in range(5)]
+    world = CollisionWorld(BAR)
+    together = refine_grasps(starts, world, PANDA)
+    for start, grasp in zip(starts, together, strict=True):
+        rotation = grasp.object_from_gripper[:3, :3]
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        alone = refine_grasps([start], world, PANDA)[0]
+        np.testing.assert_allclose(alone.object_from_gripper, grasp.object_from_gripper, atol=1e-12)
+
+
+def test_refinement_keeps_clear_of_obstacles():
+    wall = trimesh.creation.box(extents=(0.005, 0.2, 0.2))
+    # 6 mm of room beside the bar, less than the finger's 14.4 mm: the bar's end is free of the wall.
+    scene = Scene((("wall", wall, rigid(np.eye(3), np.array([0.0, -0.1, 0.0]))),))
+    start = on((0, 0.0, 0.015))
+    _, (check,) = refined(start, scene=scene)
+    assert check.obstacle in (None, "wall")
+    assert check.usable == (check.obstacle is None)
+
+
+def score(grasps, mesh=BAR, seed=0):
+    world = CollisionWorld(mesh)
+    return rank_grasps(grasps, check_grasps(grasps, world, PANDA), PANDA, mesh=mesh, seed=seed)[0]
+
+
+def test_scores_are_chances_and_repeat_for_a_seed():
+    grasps = on()
+    assert 0.5 < score(grasps) <= 1
+    assert score(grasps) == score(grasps)
+    assert score(grasps, seed=1) == pytest.approx(score(grasps), abs=0.1)
+
+
+def test_a_grasp_that_fails_its_check_scores_nothing():
+    assert score(on((0, 0, 0.5))) == 0
+
+
+def test_better_grasps_score_higher():
+    good = score(on((0, 0, 0.012)))
+    assert good > score(on((0, 0, 0.012), (0, 0, 0.5))) + 0.1  # pads at an angle
+    assert good > score(on((0, 0, 0.033))) + 0.02  # only the tips touch
+    assert good > score(on((0, 0.054, 0.012)))  # at the bar's end, away from its weight
+
+
+def test_ranking_wants_a_check_for_each_grasp():
+    assert rank_grasps([], [], PANDA, mesh=BAR) == ()
