@@ -131,3 +131,28 @@ def test_a_mug_is_hollow_and_its_handle_points_forward():
         outer = body.solid().convex_hull.volume
         assert body.solid().volume < 0.6 * outer
         assert handle.vertices[:, 0].max() == pytest.approx(shape.vertices[:, 0].max())
+
+
+def test_liquid_stays_inside_the_bottle():
+    for seed in SEEDS:
+        shape = shapes.sample("bottle", seed)
+        # Rays and containment are slow on 6000 faces: every 37th vertex reaches every row of the grid.
+        liquid = shape.contents[0].vertices[::37]
+        assert shape.parts[0].solid().contains(liquid).all(), shape.parameters
+
+
+def test_glass_is_blended_and_its_liquid_drawn_before_it():
+    shape = next(
+        shape
+        for shape in (shapes.sample("bottle", seed) for seed in range(50))
+        if shape.parts[0].material.transparent
+    )
+    names = list(shape.scene().geometry)
+    assert names.index("liquid") < names.index("body")
+    material = shape.scene().geometry["body"].visual.material
+    assert material.alphaMode == "BLEND"
+    assert material.baseColorFactor[3] < 255  # what pyrender takes for transparent
+
+
+def test_an_opaque_bottle_hides_its_liquid():
+    assert "liquid" not in shapes.canonical("bottle").scene().geometry
