@@ -44,10 +44,30 @@ class Curated:
 
 
 CURATED = {
+    "bottle": Curated(
+        "Bottles with their caps: drinks, wine, beer, sauces, detergents, pills. +x is the label.",
+        train=(0, 2, 3, 4, 5, 8, 10, 11, 13, 15, 16, 17, 19, 21, 25, 28, 29, 34, 36, 38, 40, 44),
+        test=(12, 14, 24, 27, 30, 42),
+    ),
+    "camera": Curated(
+        "Photo cameras: compact, mirrorless, reflex, bridge and box cameras. +x is the lens.",
+        train=(0, 2, 4, 5, 7, 8, 12, 14, 16, 18, 19, 21, 22, 26, 28, 31, 35, 43),
+        test=(10, 15, 20, 33, 34, 38),
+    ),
+    "drill": Curated(
+        "Pistol drills, with battery foot, without, and with a cord. +x is the chuck.",
+        train=(0, 2, 5, 7, 8, 9, 10, 11, 12, 14, 15, 17, 18, 19, 27, 28, 33, 35),
+        test=(4, 22, 29, 34, 41, 45),
+    ),
     "mug": Curated(
         "Mugs with one handle: straight, tapered, bellied; espresso to soup size. +x is the handle.",
         train=(0, 1, 2, 4, 5, 6, 8, 10, 12, 13, 15, 17, 22, 26, 29, 38, 53, 56),
         test=(14, 20, 28, 31, 34, 37),
+    ),
+    "spray_bottle": Curated(
+        "Spray bottles with a trigger head. +x is the nozzle.",
+        train=(0, 1, 2, 3, 4, 5, 8, 9, 11, 12, 15, 17, 21, 24, 26, 30, 34, 45),
+        test=(6, 7, 29, 37, 41, 43),
     ),
 }
 

@@ -1,11 +1,12 @@
 """Choosing a shape space by what it leaves on shapes it never saw.
 
 A narrow kernel follows every detail but folds space over beside thin walls, where a warped grasp
-then has no meaning. So: of all kernels and smoothnesses whose held-out fields do not fold near the
-surface, the one with the least held-out error.
+then has no meaning. So: of all kernels and smoothnesses whose held-out fields fold hardly more near
+the surface than the category itself makes them (a lens that retracts folds the space it was in), the
+one with the least held-out error.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -20,11 +21,11 @@ MOST_MODES = 40
 MODES = (8, 10, 12, 15, 20, 25, 30)
 MODES_TOLERANCE = 1.05  # fewest modes whose error is within 5 % of that of `MOST_MODES`
 SEARCH_SHAPES, SEARCH_POINTS = 150, 1500  # of those given: the search needs ranks, not figures
-FOLD_SHAPES = 25
+FOLD_SHAPES = 12
 NEAR = 0.3  # RMS radii: how far from the surface fields must not fold (about a finger's width)
 GRID = 0.16  # RMS radii between the points where folding is looked for
 SMALLEST_DETERMINANT = 0.05
-FOLDED_SHARE = 1e-3  # at most
+FOLDED_SHARE, FOLDED_RATIO = 1e-3, 1.5  # at most this, or this much more than the candidate that folds least
 _RIDGE = 1e-10  # of weights that no displacement shows
 
 
@@ -34,14 +35,13 @@ class Candidate:
 
     Args:
         heldout_rms: error of the surface with `MOST_MODES` modes [m].
-        folded: share of the space near the surface that held-out fields turn inside out; None if a
-            candidate with less error did not fold.
+        folded: share of the space near the surface that held-out fields turn inside out.
     """
 
     beta: float
     regularisation: float
     heldout_rms: float
-    folded: float | None = None
+    folded: float
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,14 @@ def choose_space(
     """
     empty = DeformationField.identity(control_points)
     candidates = _search(points, empty, learnt, unseen)
-    best = min((one for one in candidates if one.folded is not None), key=lambda one: one.folded)
+    limit = max(FOLDED_SHARE, FOLDED_RATIO * min(one.folded for one in candidates))
+    best = next(one for one in candidates if one.folded <= limit)
     most = _space(points, empty, best.beta, best.regularisation, learnt, MOST_MODES)
-    limit = MODES_TOLERANCE * _encode(most, points, unseen)[1]
+    enough = MODES_TOLERANCE * _encode(most, points, unseen)[1]
     for modes in (*MODES, MOST_MODES):
         space = _space(points, empty, best.beta, best.regularisation, learnt, modes)
         rms = _encode(space, points, unseen)[1]
-        if rms <= limit:
+        if rms <= enough:
             break
     weights = fit_weights(points, space, best.regularisation, unseen)
     own = _displacements(space, points, weights) - unseen
@@ -121,7 +122,7 @@ def choose_space(
 
 
 def _search(points, empty: DeformationField, learnt, unseen) -> tuple[Candidate, ...]:
-    """Every kernel and smoothness, best first; folds are looked for until a candidate has none."""
+    """Every kernel and smoothness, the least held-out error first."""
     step = max(1, len(points) // SEARCH_POINTS)
     few, learnt, unseen = points[::step], learnt[:SEARCH_SHAPES, ::step], unseen[:, ::step]
     near = _near(points, empty.scale)
@@ -130,15 +131,10 @@ def _search(points, empty: DeformationField, learnt, unseen) -> tuple[Candidate,
         for regularisation in REGULARISATIONS:
             # Each point stands for `step` of them, and regularisation is weighed against their sum.
             space = _space(few, empty, beta, regularisation / step, learnt, MOST_MODES)
-            found.append((Candidate(beta, regularisation, _encode(space, few, unseen)[1]), space))
-    found.sort(key=lambda pair: pair[0].heldout_rms)
-    measured = [candidate for candidate, _ in found]
-    for index, (candidate, space) in enumerate(found):
-        latents, _ = _encode(space, few, unseen[:FOLD_SHAPES])
-        measured[index] = replace(candidate, folded=_folded(space, latents, near))
-        if measured[index].folded <= FOLDED_SHARE:
-            break
-    return tuple(measured)
+            latents, rms = _encode(space, few, unseen)
+            folded = _folded(space, latents[:FOLD_SHAPES], near)
+            found.append(Candidate(beta, regularisation, rms, folded))
+    return tuple(sorted(found, key=lambda one: one.heldout_rms))
 
 
 def fit_weights(

@@ -1,0 +1,88 @@
+"""What came of building a category: for people to look at, and for the report."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.category.category import Category
+from grasptransfer.category.learning import Distances
+from grasptransfer.category.orientation import Turn
+
+
+@dataclass(frozen=True)
+class Registration:
+    """One instance and how the canonical model was registered to it.
+
+    Args:
+        name: of the instance.
+        test: whether the shape space never saw it.
+        is_cloud: whether it came as a cloud.
+        extents: of its bounding box [m].
+        notes: what was repaired or is worth knowing.
+        turn: the turn that would bring it nearest to the canonical model.
+        points: (m, 3) dense points of it [m].
+        before, after: distances to the canonical model, as it is and deformed.
+        status: of CPD.
+        left_out_rms, left_out_error: of the shape space without it [m], [m^2]; None for test instances.
+    """
+
+    name: str
+    test: bool
+    is_cloud: bool
+    faces: int
+    extents: Float[np.ndarray, "3"]
+    notes: tuple[str, ...]
+    turn: Turn
+    points: Float[np.ndarray, "m 3"]
+    before: Distances
+    after: Distances
+    status: str
+    left_out_rms: float | None = None
+    left_out_error: float | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person should look at."""
+        return (self.turn.warning,) if self.turn.warning else ()
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An instance that could be the canonical model, registered to all others.
+
+    Args:
+        chamfer: mean of what is left after registration, over the others [m].
+        worst: the largest of them [m].
+        moved: RMS displacement that it took, mean over the others [m].
+        is_cloud: clouds have no surface of their own, and are taken only if there are no meshes.
+    """
+
+    name: str
+    chamfer: float
+    worst: float
+    moved: float
+    is_cloud: bool
+
+
+@dataclass(frozen=True)
+class CategoryBuild:
+    """A category that was built, and how it went.
+
+    Args:
+        candidates: best first; empty if the canonical model was given.
+        explained: (k,) share of the variance that the first modes hold together.
+        seconds: since the start, or the resumption.
+    """
+
+    category: Category
+    canonical: str
+    candidates: tuple[Candidate, ...]
+    registrations: tuple[Registration, ...]
+    explained: Float[np.ndarray, "k"]
+    seconds: float
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person should look at, each with the instance's name."""
+        return tuple(f"{one.name} {text}" for one in self.registrations for text in one.warnings)

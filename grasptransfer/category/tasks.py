@@ -1,0 +1,138 @@
+"""The tasks of a build that run in worker processes: plain arrays in, plain arrays out."""
+
+import io
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from grasptransfer.category.assemble import glb_of
+from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
+from grasptransfer.category.learning import (
+    Distances,
+    choose_modes,
+    explained_variance,
+    fit_space,
+    leave_one_out,
+)
+from grasptransfer.category.sources import prepare
+from grasptransfer.category.workshop import Arrays
+from grasptransfer.registration import DeformationField, cpd
+
+DENSE_POINTS = 4000  # of an instance, to measure distances by
+TARGET_POINTS = 1000  # of an instance, to register to
+COMPARED_POINTS = 250  # of an instance, to choose the canonical by
+
+
+def prepare_instance(path: str, checksum: str, scale: float, rotation: np.ndarray) -> Arrays:
+    """Read, check and repair one file; `checksum` is only there so that a changed file counts as new."""
+    prepared = prepare(Path(path), scale=scale, rotation=rotation)
+    if prepared.cloud is None:
+        points, _ = visible_surface(prepared.mesh)
+    else:
+        points = prepared.cloud
+    return {
+        "glb": np.frombuffer(glb_of(prepared.mesh), np.uint8),
+        "points": thinned(points, DENSE_POINTS),
+        "notes": np.array(prepared.notes or ("",)),
+        "is_cloud": np.array(prepared.cloud is not None),
+        "faces": np.array(len(prepared.mesh.faces)),
+        "extents": prepared.mesh.extents,
+    }
+
+
+def compare_candidate(
+    candidate: np.ndarray, others: np.ndarray, starts: np.ndarray, beta: float, lam: float
+) -> Arrays:
+    """Register a candidate for the canonical model to all other instances.
+
+    Args:
+        others: their points one after the other, each from `starts[i]` to `starts[i + 1]` [m].
+    """
+    chamfer, bend = [], []
+    for first, last in pairwise(starts):
+        field = cpd(candidate, others[first:last], beta=beta, lam=lam).field
+        chamfer.append(Distances.between(field(candidate), others[first:last]).chamfer)
+        moved = field.displacement(candidate)
+        bend.append(np.sqrt(np.square(moved).sum(1).mean()))
+    return {"chamfer": np.array(chamfer), "moved": np.array(bend)}
+
+
+def register_instance(
+    control_points: np.ndarray,
+    model: np.ndarray,
+    instance: np.ndarray,
+    beta: float,
+    lam: float,
+    outlier_weight: float,
+) -> Arrays:
+    """CPD from the canonical model to one instance.
+
+    Args:
+        control_points: (n, 3) of the canonical model [m].
+        model, instance: (m, 3) dense points to measure by [m].
+    """
+    target = thinned(instance, TARGET_POINTS)
+    result = cpd(control_points, target, beta=beta, lam=lam, outlier_weight=outlier_weight)
+    field = result.field
+    before, after = Distances.between(model, instance), Distances.between(field(model), instance)
+    return {
+        "weights": field.weights,
+        "centre": field.centre,
+        "scale": np.array(field.scale),
+        "before": np.array([before.error, before.rms, before.chamfer]),
+        "after": np.array([after.error, after.rms, after.chamfer]),
+        "status": np.array(result.status.name),
+        "iterations": np.array(result.iterations),
+    }
+
+
+def learn(
+    weights: np.ndarray,
+    control_points: np.ndarray,
+    centre: np.ndarray,
+    scale: float,
+    beta: float,
+    modes: int,
+    metric: str,
+    model: np.ndarray,
+    instances: np.ndarray,
+    starts: np.ndarray,
+) -> Arrays:
+    """The shape space, and what it leaves of each instance that it did not see.
+
+    Args:
+        modes: 0 to choose them by the leave-one-out error.
+        model: dense points of the canonical model [m].
+        instances: dense points of all, one after the other, each from `starts[i]` to `starts[i + 1]` [m].
+    """
+    field = DeformationField(control_points, weights[0], beta, centre, scale)
+    modes = modes or choose_modes(weights, field, metric=metric)
+    space = fit_space(weights, field, n_modes=modes, metric=metric)
+    left_out = leave_one_out(weights, field, n_modes=min(modes, len(weights) - 2), metric=metric)
+    distances = [
+        Distances.between(found(model), instances[first:last])
+        for found, first, last in zip(left_out.fields, starts[:-1], starts[1:], strict=True)
+    ]
+    return {
+        "mean": space.mean,
+        "basis": space.basis,
+        "variances": space.variances,
+        "noise_variance": np.array(space.noise_variance),
+        "explained": explained_variance(weights, field, metric=metric),
+        "left_out_rms": left_out.rms,
+        "left_out_error": np.array([one.error for one in distances]),
+    }
+
+
+def thinned(points: Float[np.ndarray, "m 3"], count: int) -> Float[np.ndarray, "n 3"]:
+    """About `count` points, evenly spread; all where there are no more."""
+    return points if len(points) <= count else points[voxel_filter(points, voxel_for(points, count))]
+
+
+def mesh_of(glb: np.ndarray) -> trimesh.Trimesh:
+    """The one mesh in a prepared instance's GLB."""
+    scene = trimesh.load_scene(io.BytesIO(glb.tobytes()), file_type="glb", process=False)
+    return next(iter(scene.geometry.values()))
