@@ -37,6 +37,19 @@ class _Scout:
     depth: Float32[np.ndarray, "h w"]
 
 
+@dataclass(frozen=True)
+class PaintedGripper:
+    """Links of a gripper, ready to draw: those that carry a pad, and the rest."""
+
+    fingers: list[trimesh.Trimesh]
+    rest: list[trimesh.Trimesh]
+
+    @property
+    def parts(self) -> list[trimesh.Trimesh]:
+        """Every link."""
+        return [*self.fingers, *self.rest]
+
+
 class GraspPictures:
     """Draws the grasps of one result.
 
@@ -55,14 +68,14 @@ class GraspPictures:
 
     def draw(self, grasp: "TransferredGrasp") -> UInt8[np.ndarray, "h w 3"]:
         """The opened gripper at the grasp: fingers green where it is usable, red where not."""
-        gripper = gripper_parts(
-            self.result.gripper, grasp.opening, grasp.object_from_gripper, USABLE if grasp.usable else REFUSED
-        )
+        colour = USABLE if grasp.usable else REFUSED
+        gripper = painted_gripper(self.result.gripper, grasp.opening, grasp.object_from_gripper, colour)
         scout = max(self.scouts, key=lambda scout: self._clarity(scout, grasp))
         width, height = PICTURE
-        shown = [self.object, *gripper]
-        view = fitted_view(shown, scout.azimuth, scout.elevation, width=width, height=height, margin=1.08)
-        return self.studio.draw(together([*shown, *self.surroundings]), view)
+        # The hand may leave the picture: what matters is where the fingers are.
+        framed = [self.object, *gripper.fingers]
+        view = fitted_view(framed, scout.azimuth, scout.elevation, width=width, height=height, margin=1.35)
+        return self.studio.draw(together([self.object, *gripper.parts, *self.surroundings]), view)
 
     def _scout(self, azimuth: float, elevation: float) -> _Scout:
         width, height = SCOUT
@@ -97,21 +110,24 @@ class GraspPictures:
         return float(np.mean(outside | (surface == 0) | (points_camera[:, 2] < surface + HIDDEN_BY)))
 
 
-def gripper_parts(
-    gripper: "Gripper", opening: float, a_from_gripper: Float[np.ndarray, "4 4"], fingers: Colour
-) -> list[trimesh.Trimesh]:
-    """Painted links of a gripper: what carries a pad in `fingers`, the rest grey.
+def painted_gripper(
+    gripper: "Gripper", opening: float, a_from_gripper: Float[np.ndarray, "4 4"], colour: Colour
+) -> PaintedGripper:
+    """The gripper at a pose: what carries a pad in `colour`, the rest grey.
 
     Args:
         opening: distance between the pads [m].
         a_from_gripper: (4, 4) TCP [m].
     """
     pads = {pad.link for pad in gripper.pads}
-    parts = []
+    fingers, rest = [], []
     for name, mesh in gripper.link_meshes(float(np.clip(opening, *gripper.opening)), visual=True).items():
         mesh.apply_transform(a_from_gripper)
-        parts.append(painted(mesh, fingers if name in pads else HAND))
-    return parts
+        if name in pads:
+            fingers.append(painted(mesh, colour))
+        else:
+            rest.append(painted(mesh, HAND))
+    return PaintedGripper(fingers, rest)
 
 
 def _surroundings(result: "TransferResult") -> list[trimesh.Trimesh]:

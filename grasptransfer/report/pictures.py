@@ -26,7 +26,7 @@ from grasptransfer.report.studio import (
 if TYPE_CHECKING:
     from grasptransfer.transfer import TransferResult
 
-PANEL = (440, 330)  # px
+PANEL = (520, 390)  # px
 PHOTO_WIDTH = 900  # px; a larger photograph is shown smaller
 MASK: Colour = (226, 59, 128)
 TOLD: Colour = (245, 178, 66)
@@ -92,7 +92,9 @@ class Pictures:
         """The whole photograph, with a frame around the part the other pictures show."""
         image = Image.fromarray(self.observation.image)
         scale = min(1.0, PHOTO_WIDTH / image.width)
-        image = image.resize((round(image.width * scale), round(image.height * scale)), Image.Resampling.LANCZOS)
+        image = image.resize(
+            (round(image.width * scale), round(image.height * scale)), Image.Resampling.LANCZOS
+        )
         corners = np.array([[-0.5, -0.5], np.array(PANEL) - 0.5])
         rays = self.observed.camera.unproject(corners, np.ones(2))
         box = (self.observation.camera.project(rays) + 0.5) * scale

@@ -27,7 +27,9 @@ def load_pose(path: str | Path) -> Float[np.ndarray, "4 4"]:
     data = _read(path)
     known = [key for key in (KEY, BOP_ROTATION, BOP_TRANSLATION) if key in data]
     if KEY in known and len(known) > 1:
-        raise PoseError("holds two poses", path=path, key=known[1], fix=f"Leave either {' or '.join(CHOICES)}")
+        raise PoseError(
+            "holds two poses", path=path, key=known[1], fix=f"Leave either {' or '.join(CHOICES)}"
+        )
     if KEY in known:
         pose = _array(data, KEY, (4, 4), path)
     elif known:

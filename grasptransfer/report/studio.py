@@ -47,9 +47,7 @@ class View:
         """The same view with `factor` times as many pixels along each side."""
         camera = self.camera
         box = (-0.5, -0.5, camera.width - 0.5, camera.height - 0.5)
-        return View(
-            camera.crop(box, camera.width * factor, camera.height * factor), self.camera_from_object
-        )
+        return View(camera.crop(box, camera.width * factor, camera.height * factor), self.camera_from_object)
 
 
 def painted(mesh: trimesh.Trimesh, colour: Colour, *, opacity: float = 1.0) -> trimesh.Trimesh:
@@ -93,9 +91,7 @@ class Studio:
         backdrop = np.broadcast_to(np.array(ground, np.uint8), picture.rgb.shape)
         return smaller(picture.over(backdrop), SUPERSAMPLING)
 
-    def mask(
-        self, subject: trimesh.Trimesh | trimesh.Scene, view: View
-    ) -> Bool[np.ndarray, "h w"]:
+    def mask(self, subject: trimesh.Trimesh | trimesh.Scene, view: View) -> Bool[np.ndarray, "h w"]:
         """Pixels that the subject covers."""
         return self.renderer.depth(subject, view.camera, view.camera_from_object) > 0
 
