@@ -154,17 +154,16 @@ def _labels(p: BottleParameters, image: Image.Image, cover: Image.Image, rng: np
             back = labels.label(rng, *_pixels(share * around, size), colour=paper)
             _stick(image, cover, back, (-share / 2, v0, share / 2, v1))
     elif kind == "print":
-        ink = textures.contrast(image.getpixel((_SIZE[0] // 2, _SIZE[1] // 2)), rng)
+        red, green, blue = np.asarray(image)[_SIZE[1] // 2, _SIZE[0] // 2].tolist()
+        ink = textures.contrast((red, green, blue), rng)
         letters = labels.lettering(rng, *_pixels(share * around, size), ink, text=labels.draw_name(rng))
         _stick(image, cover, letters, (0.5 - share / 2, v0, 0.5 + share / 2, v1))
     if p.kind in ("wine", "beer") and rng.random() < 0.7:
-        foil = textures.canvas(
-            8, 8, paper if rng.random() < 0.5 else textures.shade(textures.draw_colour(rng), 0.6)
-        )
+        if rng.random() >= 0.5:
+            paper = textures.shade(textures.draw_colour(rng), 0.6)
         start = rng.uniform(p.neck, 0.5 + 0.5 * p.neck)
         end = 1.0 if p.kind == "wine" else start + 0.1
-        _stick(image, cover, foil, (0, _V_UNDER + _V_SPAN * start, 1, end))
-        paper = foil.getpixel((0, 0))
+        _stick(image, cover, textures.canvas(8, 8, paper), (0, _V_UNDER + _V_SPAN * start, 1, end))
     return paper
 
 

@@ -1,6 +1,7 @@
 """The parameters of a bottle and their ranges, kind by kind."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,7 @@ class BottleParameters:
         """A plausible bottle of a random kind."""
         kind = str(rng.choice(list(KINDS), p=[share for share, _ in KINDS.values()]))
         ranges = {**_COMMON, **KINDS[kind][1]}
-        values = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
+        values: dict[str, Any] = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
         half = values["half_width"] = values.get("half_width", values.pop("slim", 0) * values["height"])
         if "cap_share" in values:  # wide caps follow the body, and the neck follows the cap
             values["cap_radius"] = values.pop("cap_share") * half * values["taper"]

@@ -1,6 +1,7 @@
 """The parameters of a mug and their ranges, set to span the mugs that people own."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -71,7 +72,7 @@ class MugParameters:
         """A plausible mug; straight, tapered, bellied, espresso, soup, latte or keg."""
         kind = str(rng.choice(list(_KINDS), p=[share for share, _ in _KINDS.values()]))
         ranges = {**_COMMON, **_KINDS[kind][1]}
-        values = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
+        values: dict[str, Any] = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
         values |= _draw_handle(rng, values["height"])
         if rng.random() < 0.55:  # half of all mugs stand flat, without a visible foot
             values |= {"foot": 0.0006, "foot_inset": 0.0}

@@ -108,10 +108,10 @@ def revolve(
         section: outline of unit radius that each ring follows, one for all or one a row; a circle if None.
         start: angle of the UV seam [rad]; used only for a circle.
     """
-    section = circle(columns, start) if section is None else section
-    section = np.broadcast_to(section, (len(profile), columns, 2))
+    outline = circle(columns, start) if section is None else section
+    outline = np.broadcast_to(outline, (len(profile), columns, 2))
     rings = np.empty((len(profile), columns, 3))
-    rings[..., :2] = section * profile[:, None, :1]
+    rings[..., :2] = outline * profile[:, None, :1]
     rings[..., 2] = profile[:, None, 1]
     return tube(rings, v=v, creases=creases)
 
@@ -132,9 +132,9 @@ def sweep(
     """
     tangent = np.gradient(path, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    side = np.asarray(side, float)
-    across = np.cross(side, tangent)
-    rings = path[:, None] + sections[..., :1] * across[:, None] + sections[..., 1:] * side
+    along_side = np.asarray(side, float)
+    across = np.cross(along_side, tangent)
+    rings = path[:, None] + sections[..., :1] * across[:, None] + sections[..., 1:] * along_side
     rows = np.linspace(0.04, 0.96, len(path)) if v is None else np.asarray(v, float)
     return tube(capped(rings), v=np.concatenate([[0.0], rows, [1.0]]), creases=(1, len(path)))
 

@@ -20,7 +20,8 @@ BLACK: Colour = (24, 24, 26)
 
 def hsv(hue: float, saturation: float, value: float) -> Colour:
     """A colour by hue, saturation and value in [0, 1]."""
-    return tuple(round(255 * channel) for channel in colorsys.hsv_to_rgb(hue % 1, saturation, value))
+    red, green, blue = colorsys.hsv_to_rgb(hue % 1, saturation, value)
+    return round(255 * red), round(255 * green), round(255 * blue)
 
 
 def draw_colour(rng: np.random.Generator) -> Colour:
@@ -61,9 +62,11 @@ def luminance(colour: Ink) -> float:
 
 def shade(colour: Ink, factor: float) -> Colour:
     """The colour made darker (below 1) or lighter (above 1)."""
-    if factor <= 1:
-        return tuple(int(channel * factor) for channel in colour[:3])
-    return tuple(int(255 - (255 - channel) / factor) for channel in colour[:3])
+
+    def shaded(channel: int) -> int:
+        return int(channel * factor) if factor <= 1 else int(255 - (255 - channel) / factor)
+
+    return shaded(colour[0]), shaded(colour[1]), shaded(colour[2])
 
 
 def canvas(width: int, height: int, colour: Colour) -> Image.Image:
@@ -155,7 +158,7 @@ def dots(rng: np.random.Generator, width: int, height: int, colours: list[Colour
     """Dots, rings, diamonds, hearts or flowers, in rows or scattered."""
     image = canvas(width, height, colours[0])
     draw = ImageDraw.Draw(image)
-    motif: Callable = rng.choice([_dot, _ring, _diamond, _flower, _heart])
+    motif = _MOTIFS[rng.integers(len(_MOTIFS))]
     rows = int(rng.integers(3, 9))
     step = height / rows
     columns = max(round(width / step), 1)
@@ -225,7 +228,7 @@ def pattern(
     if colours is None:
         first = draw_colour(rng)
         colours = [first, contrast(first, rng), draw_colour(rng), draw_colour(rng)][: int(rng.integers(2, 5))]
-    return rng.choice(PATTERNS)(rng, width, height, colours)
+    return PATTERNS[rng.integers(len(PATTERNS))](rng, width, height, colours)
 
 
 def _dot(draw: ImageDraw.ImageDraw, x: float, y: float, radius: float, colour: Colour) -> None:
@@ -255,3 +258,6 @@ def _heart(draw: ImageDraw.ImageDraw, x: float, y: float, radius: float, colour:
         [(x - 0.95 * radius, y - 0.1 * radius), (x + 0.95 * radius, y - 0.1 * radius), (x, y + radius)],
         colour,
     )
+
+
+_MOTIFS = (_dot, _ring, _diamond, _flower, _heart)
