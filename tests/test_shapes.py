@@ -156,3 +156,14 @@ def test_glass_is_blended_and_its_liquid_drawn_before_it():
 
 def test_an_opaque_bottle_hides_its_liquid():
     assert "liquid" not in shapes.canonical("bottle").scene().geometry
+
+
+def test_an_empty_glass_mug_draws_nothing_inside():
+    glasses = [
+        shape
+        for shape in (shapes.sample("mug", seed, fill=0.02) for seed in range(150))
+        if shape.parts[0].material.transparent
+    ]
+    assert glasses
+    for shape in glasses:
+        assert "drink" not in shape.scene().geometry

@@ -6,8 +6,6 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from grasptransfer.shapes.textures import (
-    BLACK,
-    WHITE,
     Colour,
     Ink,
     canvas,
@@ -17,6 +15,8 @@ from grasptransfer.shapes.textures import (
     pattern,
     shade,
 )
+
+Box = tuple[float, float, float, float]  # left, top, right, bottom [px]
 
 _STARTS = (
     "b",
@@ -101,14 +101,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size)
 
 
-def write(
-    image: Image.Image,
-    text: str,
-    box: tuple[float, float, float, float],
-    colour: Ink,
-    *,
-    bold: bool = False,
-) -> None:
+def write(image: Image.Image, text: str, box: Box, colour: Ink, *, bold: bool = False) -> None:
     """Write `text` as large as fits the box (left, top, right, bottom) [px], centred."""
     draw = ImageDraw.Draw(image)
     width, height = box[2] - box[0], box[3] - box[1]
@@ -131,9 +124,7 @@ def write(
     )
 
 
-def logo(
-    image: Image.Image, rng: np.random.Generator, box: tuple[float, float, float, float], colour: Ink
-) -> None:
+def logo(image: Image.Image, rng: np.random.Generator, box: Box, colour: Ink) -> None:
     """A simple mark inside the box (left, top, right, bottom) [px]."""
     draw = ImageDraw.Draw(image)
     x, y = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
@@ -226,12 +217,7 @@ def _ornament(
         draw.ellipse([-0.2 * width, 0.55 * height, 1.2 * width, 1.6 * height], fill=colour)
 
 
-def _panel(
-    draw: ImageDraw.ImageDraw,
-    rng: np.random.Generator,
-    box: tuple[float, float, float, float],
-    colour: Ink,
-) -> None:
+def _panel(draw: ImageDraw.ImageDraw, rng: np.random.Generator, box: Box, colour: Ink) -> None:
     kind = rng.integers(3)
     if kind == 0:
         draw.rectangle(box, fill=colour)
@@ -241,9 +227,7 @@ def _panel(
         draw.rounded_rectangle(box, (box[3] - box[1]) / 3, fill=colour)
 
 
-def _small_print(
-    image: Image.Image, rng: np.random.Generator, box: tuple[float, float, float, float], colour: Ink
-) -> None:
+def _small_print(image: Image.Image, rng: np.random.Generator, box: Box, colour: Ink) -> None:
     draw = ImageDraw.Draw(image)
     left, top, right, bottom = box
     if bottom - top < 6:
@@ -260,14 +244,12 @@ def _small_print(
         )
 
 
-def _barcode(
-    draw: ImageDraw.ImageDraw, rng: np.random.Generator, box: tuple[float, float, float, float]
-) -> None:
+def _barcode(draw: ImageDraw.ImageDraw, rng: np.random.Generator, box: Box) -> None:
     draw.rectangle(box, fill=(255, 255, 255))
     x = box[0] + 2
     while x < box[2] - 3:
         thick = int(rng.integers(1, 4))
-        draw.rectangle([x, box[1] + 2, x + thick - 1, box[3] - 2], fill=(0, 0, 0))
+        draw.rectangle([x, box[1] + 2, x + (thick - 1), box[3] - 2], fill=(0, 0, 0))
         x += thick + int(rng.integers(1, 3))
 
 
@@ -307,15 +289,4 @@ def sticker(rng: np.random.Generator, size: int) -> Image.Image:
         write(image, f"{rng.integers(1, 30)}.{rng.integers(10, 99)}", inner, ink)
     else:
         logo(image, rng, inner, ink)
-    return image
-
-
-def engraving(rng: np.random.Generator, width: int, height: int, ground: Colour) -> Image.Image:
-    """A name plate or moulded lettering: tone in tone or black and white."""
-    tone = (
-        shade(ground, 0.6 if luminance(ground) > 90 else 1.7) if rng.random() < 0.5 else contrast(ground, rng)
-    )
-    plate = ground if rng.random() < 0.6 else (BLACK if luminance(tone) > 128 else WHITE)
-    image = canvas(width, height, plate)
-    write(image, draw_name(rng), (0.06 * width, 0.12 * height, 0.94 * width, 0.88 * height), tone, bold=True)
     return image

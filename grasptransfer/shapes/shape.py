@@ -37,6 +37,11 @@ class Material:
         """Whether light comes through somewhere."""
         return self.texture.shape[2] == 4 and bool((self.texture[..., 3] < 255).any())
 
+    @property
+    def invisible(self) -> bool:
+        """Whether there is nothing to see: contents of an empty vessel."""
+        return self.texture.shape[2] == 4 and not self.texture[..., 3].any()
+
     def pbr(self) -> trimesh.visual.material.PBRMaterial:
         """The material as glTF knows it."""
         from PIL import Image
@@ -147,7 +152,8 @@ class Shape:
         """Textured parts in drawing order: what is behind glass comes before the glass."""
         opaque = [part for part in self.parts if not part.material.transparent]
         clear = [part for part in self.parts if part.material.transparent]
-        inside = sorted(self.contents if clear else (), key=lambda part: part.material.transparent)
+        filled = [part for part in self.contents if clear and not part.material.invisible]
+        inside = sorted(filled, key=lambda part: part.material.transparent)
         scene = trimesh.Scene()
         for part in (*opaque, *inside, *clear):
             scene.add_geometry(part.textured(), node_name=part.name, geom_name=part.name)
