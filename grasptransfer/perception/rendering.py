@@ -8,6 +8,7 @@ in `_Stage.aim`, and nowhere else.
 import ctypes.util
 import os
 import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -134,6 +135,32 @@ class Renderer:
             alpha = np.clip(1 - clear, 0, 1)
         return Rendering(rgba[..., :3], alpha, self._draw_depth(stage))
 
+    def animate(
+        self,
+        parts: Sequence[trimesh.Trimesh],
+        camera: Camera,
+        camera_from_world: Float[np.ndarray, "4 4"],
+        world_from_parts: Float[np.ndarray, "t p 4 4"],
+        *,
+        ground: tuple[int, int, int] = (255, 255, 255),
+        lighting: Lighting | None = None,
+    ) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+        """Pictures of opaque parts that move, over a plain ground, one at each of t moments."""
+        stage = _Stage(trimesh.Scene(list(parts)))
+        for node in list(stage.scene.mesh_nodes):
+            stage.scene.remove_node(node)  # all parts in one; here each moves by itself
+        drawable = [_pyrender().Mesh.from_trimesh(part, smooth=_is_smooth(part)) for part in parts]
+        nodes = [stage.scene.add(part) for part in drawable]
+        stage.radius += float(np.linalg.norm(world_from_parts[..., :3, 3], axis=-1).max())
+        stage.light(lighting or Lighting())
+        stage.aim(camera, camera_from_world)
+        self._resize(camera)
+        colour = [channel / 255 for channel in ground]
+        for world_from_part in world_from_parts:
+            for node, pose in zip(nodes, world_from_part, strict=True):
+                stage.scene.set_pose(node, pose)
+            yield self._draw_colour(stage, [*colour, 1.0])[..., :3]
+
     def _draw_colour(self, stage: "_Stage", background: list[float]) -> UInt8[np.ndarray, "h w 4"]:
         stage.scene.bg_color = np.array(background)
         return self._context.render(stage.scene, flags=_pyrender().RenderFlags.RGBA)[0]
@@ -163,13 +190,18 @@ class _Stage:
     def __init__(self, mesh: trimesh.Trimesh | trimesh.Scene):
         pyrender = _pyrender()
         self.scene = pyrender.Scene(bg_color=[0, 0, 0, 1.0], ambient_light=[0.3] * 3)
-        parts = mesh.dump() if isinstance(mesh, trimesh.Scene) else [mesh]
+        parts = _parts(mesh)
         self.radius = max(float(np.linalg.norm(part.vertices, axis=1).max()) for part in parts)
-        drawn = [pyrender.Mesh.from_trimesh(part, smooth=_is_smooth(part)) for part in parts]
-        primitives = [primitive for part in drawn for primitive in part.primitives]
-        self.transparent = any(primitive.is_transparent for primitive in primitives)
-        for primitive in primitives:
-            primitive.material.doubleSided = True
+        primitives = []
+        for part in parts:
+            clear = _is_clear(part)
+            for primitive in pyrender.Mesh.from_trimesh(part, smooth=_is_smooth(part)).primitives:
+                # pyrender looks at factors only and takes a texture with alpha for opaque.
+                primitive.material.alphaMode = "BLEND" if clear else "OPAQUE"
+                # The order of a see-through part's own triangles would show, were both sides drawn.
+                primitive.material.doubleSided = not clear
+                primitives.append(primitive)
+        self.transparent = any(_is_clear(part) for part in parts)
         # One node, so that its parts are drawn in their order: what is behind glass comes first.
         # Several nodes would be drawn in the order of a set, another one each time.
         self.scene.add(pyrender.Mesh(primitives))
@@ -214,6 +246,25 @@ def _pose_shining_from(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     return pose
+
+
+def _parts(mesh: trimesh.Trimesh | trimesh.Scene) -> list[trimesh.Trimesh]:
+    """The parts in their frame's place, in order; copies keep the normals they came with."""
+    if isinstance(mesh, trimesh.Trimesh):
+        return [mesh]
+    parts = []
+    for node in mesh.graph.nodes_geometry:
+        place, name = mesh.graph[node]
+        part = mesh.geometry[name]
+        if not np.array_equal(place, np.eye(4)):
+            part = part.copy(include_cache=True).apply_transform(place)
+        parts.append(part)
+    return parts
+
+
+def _is_clear(part: trimesh.Trimesh) -> bool:
+    material = getattr(part.visual, "material", None)
+    return getattr(material, "alphaMode", None) == "BLEND"
 
 
 def _is_smooth(mesh: trimesh.Trimesh) -> bool:

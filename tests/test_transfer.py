@@ -1,0 +1,134 @@
+"""The main flow on pictures whose truth is known."""
+
+import numpy as np
+import pytest
+
+import grasptransfer as gt
+from grasptransfer.errors import CategoryError, GripperError, NotSucceeded, SettingsError
+from grasptransfer.frames import rigid, rotation_angle
+from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
+from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.views import look_at
+
+CAMERA = gt.Camera.from_fov(320, 240, np.deg2rad(60))
+POSE = look_at(0.4, 0.6, 0.6)
+
+
+@pytest.fixture(scope="module")
+def category():
+    return gt.load_category("mug")
+
+
+@pytest.fixture(scope="module")
+def picture(category):
+    with Renderer() as renderer:
+        seen = renderer.render(category.instance_scene(category.test[1]), CAMERA, POSE)
+    return seen.over(np.full((240, 320, 3), 120, np.uint8)), seen.mask, seen.depth
+
+
+@pytest.fixture(scope="module")
+def true_flow(category):
+    field = category.field(category.test[1])
+    return gt.GraspTransfer(category, estimator=lambda seen: ShapeEstimate(field, seen.camera_from_object))
+
+
+def test_the_true_shape_gives_usable_grasps_of_every_kind(true_flow, picture):
+    result = true_flow.transfer(picture[0], POSE, camera=CAMERA)
+    assert {"rim", "handle"} <= {grasp.label for grasp in result.usable}
+    assert result.status is EstimateStatus.OK
+
+
+def test_grasps_come_best_first_and_failed_ones_last(true_flow, picture):
+    result = true_flow.transfer(picture[0], POSE, camera=CAMERA)
+    usable = [grasp.usable for grasp in result.grasps]
+    assert usable == sorted(usable, reverse=True)
+    scores = [grasp.score for grasp in result.usable]
+    assert scores == sorted(scores, reverse=True)
+    assert all(grasp.reason for grasp in result.grasps)
+
+
+def test_every_pose_is_rigid_and_its_frames_meet(true_flow, picture):
+    for grasp in true_flow.transfer(picture[0], POSE, camera=CAMERA).grasps:
+        np.testing.assert_allclose(grasp.camera_from_gripper, POSE @ grasp.object_from_gripper, atol=1e-12)
+        rotation = grasp.object_from_gripper[:3, :3]
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(rotation) > 0
+        # A mug's grasps turn with its surface, not upside down.
+        assert rotation_angle(rotation @ grasp.canonical_from_gripper[:3, :3].T) < np.deg2rad(60)
+
+
+def test_no_deformation_leaves_the_reconstruction_canonical(category, picture):
+    result = gt.transfer_grasps(picture[0], POSE, "mug", camera=CAMERA, estimator="rigid")
+    np.testing.assert_allclose(result.mesh.vertices, category.canonical.vertices, atol=1e-9)
+
+
+def test_similarity_scales_towards_the_seen_box(category, picture):
+    result = gt.transfer_grasps(
+        picture[0], POSE, "mug", camera=CAMERA, mask=picture[1], estimator="similarity"
+    )
+    ratio = result.mesh.extents / category.canonical.extents
+    np.testing.assert_allclose(ratio, ratio[0], rtol=0.01)
+
+
+@pytest.mark.parametrize("estimator", ["cls", "cpd"])
+def test_depth_estimators_come_nearer_to_the_instance_than_the_canonical(category, picture, estimator):
+    from scipy.spatial import cKDTree
+
+    image, mask, depth = picture
+    result = gt.transfer_grasps(
+        image, POSE, "mug", camera=CAMERA, mask=mask, depth=depth, estimator=estimator, refine_pose=False
+    )
+    truth = category.instance_mesh(category.test[1]).vertices
+    before = cKDTree(category.canonical.vertices).query(truth)[0].mean()
+    after = cKDTree(result.mesh.vertices).query(truth)[0].mean()
+    assert after < before
+
+
+def test_the_field_of_a_pair_takes_points_of_a_to_b(category, picture, true_flow):
+    a = true_flow.transfer(picture[0], POSE, camera=CAMERA)
+    other = category.field(category.test[0])
+    b = gt.GraspTransfer(
+        category, estimator=lambda seen: ShapeEstimate(other, seen.camera_from_object)
+    ).transfer(picture[0], POSE, camera=CAMERA)
+    canonical = np.asarray(category.canonical.vertices)[::97]
+    between = gt.register_pair(a, b)
+    # The inverse is iterative: a tenth of a millimetre is far below what matters to a grasp.
+    np.testing.assert_allclose(between(a.field(canonical)), b.field(canonical), atol=1e-4)
+
+
+def test_a_support_plane_blocks_grasps_from_below(true_flow, picture):
+    # The plane passes through the object's middle, so low grasps end in it.
+    up = POSE[:3, :3] @ [0, 0, 1.0]
+    scene = gt.Scene(support_plane=(POSE[:3, 3] + 0.03 * up, up))
+    free = true_flow.transfer(picture[0], POSE, camera=CAMERA)
+    blocked = true_flow.transfer(picture[0], POSE, camera=CAMERA, scene=scene)
+    assert len(blocked.usable) < len(free.usable)
+    assert any("support" in grasp.reason for grasp in blocked.grasps)
+
+
+def test_strict_raises_where_nothing_is_usable(category, picture, true_flow):
+    up = POSE[:3, :3] @ [0, 0, 1.0]
+    scene = gt.Scene(support_plane=(POSE[:3, 3] + 0.3 * up, up))
+    with pytest.raises(NotSucceeded, match="no usable grasp"):
+        true_flow.transfer(picture[0], POSE, camera=CAMERA, scene=scene, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "word"),
+    [
+        ({"category": "teapot"}, CategoryError, "mug"),
+        ({"gripper": "claw"}, GripperError, "panda"),
+        ({"estimator": "magic"}, SettingsError, "similarity"),
+    ],
+)
+def test_an_unknown_name_lists_the_known_ones(picture, arguments, error, word):
+    settings = {"category": "mug", "camera": CAMERA, "estimator": "rigid"} | arguments
+    with pytest.raises(error, match=word):
+        gt.transfer_grasps(picture[0], POSE, **settings)
+
+
+def test_a_moved_camera_moves_the_grasps_with_it(true_flow, picture):
+    moved = rigid(np.eye(3), np.array([0.01, 0.0, 0.05])) @ POSE
+    here = true_flow.transfer(picture[0], POSE, camera=CAMERA).grasps[0]
+    there = true_flow.transfer(picture[0], moved, camera=CAMERA).grasps[0]
+    np.testing.assert_allclose(here.object_from_gripper, there.object_from_gripper, atol=1e-9)
