@@ -84,7 +84,7 @@ class GraspPictures:
         return _Scout(azimuth, elevation, view, depth)
 
     def _clarity(self, scout: _Scout, grasp: "TransferredGrasp") -> float:
-        """How well a view shows the grasp: pads in sight, fingers side by side, near the photograph's side."""
+        """How well a view shows the grasp: pads in sight, fingers side by side, near the photograph's."""
         object_from_camera = invert(scout.view.camera_from_object)
         to_camera = object_from_camera[:3, 3] / np.linalg.norm(object_from_camera[:3, 3])
         across = abs(float(to_camera @ grasp.object_from_gripper[:3, 1]))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
 
 import grasptransfer
 from grasptransfer.category.files import write_whole
@@ -45,7 +46,11 @@ SUMS = ("shape", "total")
 
 
 def write_page(
-    result: "TransferResult", path: str | Path, *, trials: "Sequence[TrialResult] | None" = None
+    result: "TransferResult",
+    path: str | Path,
+    *,
+    trials: "Sequence[TrialResult] | None" = None,
+    executed_mesh: trimesh.Trimesh | None = None,
 ) -> Path:
     """Write a self-contained HTML page: picture, reconstruction, deformation, every grasp and why.
 
@@ -53,6 +58,7 @@ def write_page(
         result: of a transfer.
         path: the file to write.
         trials: what PyBullet made of the grasps, told apart by grasp name.
+        executed_mesh: what they were executed on, object frame [m]; None: the reconstruction.
 
     Raises:
         SettingsError: the file cannot be written.
@@ -67,7 +73,7 @@ def write_page(
             _shape(pictures),
             _deformation(pictures.deformation()),
             _grasps(result, GraspPictures(result, studio), trials),
-            trial_section(result, trials, studio) if trials else "",
+            trial_section(result, trials, studio, executed_mesh=executed_mesh) if trials else "",
             _timings(result),
         ]
     text = _document(result, trials, "".join(parts))
@@ -78,7 +84,7 @@ def write_page(
 
 def _document(result: "TransferResult", trials: Sequence, body: str) -> str:
     style = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
-    title = f"{headline(result)}"
+    title = headline(result)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -156,8 +162,8 @@ def _shape(pictures: Pictures) -> str:
         for name, size, picture in zip(names, sizes, pair, strict=True)
     ]
     lead = (
-        "The annotated model of the category, and the same model deformed to this instance. The hidden side is "
-        "inferred from the category. Both rows are drawn at one scale; sizes are along x (front), y, z (up)."
+        "The annotated model of the category, and the same model deformed to this instance. The hidden side "
+        "is inferred from the category. Each row has one scale; sizes are along x (front), y, z (up)."
     )
     return section("Shape", lead, row(figures, "two"))
 
@@ -230,8 +236,8 @@ def _card(number: int, grasp: "TransferredGrasp", uri: str, trial: str) -> str:
         f'<article class="card" id="grasp-{number}"><img src="{uri}" alt="gripper at {escape(grasp.name)}">'
         f'<div class="text"><h3>{number}. {escape(grasp.name)}</h3>{_status_pill(grasp)} {trial}'
         f"<p>{escape(grasp.reason[:1].upper() + grasp.reason[1:])}.</p>"
-        f"<p>Score {grasp.score:.2f}, width {1e3 * grasp.width:.1f} mm, arrives {1e3 * grasp.opening:.1f} mm open "
-        f"over the last {1e3 * grasp.approach_distance:.0f} mm.</p>"
+        f"<p>Score {grasp.score:.2f}, width {1e3 * grasp.width:.1f} mm, arrives {1e3 * grasp.opening:.1f} mm "
+        f"open over the last {1e3 * grasp.approach_distance:.0f} mm.</p>"
         f"<details><summary>Poses of the TCP [m]</summary><pre>{poses}</pre></details></div></article>"
     )
 
@@ -252,7 +258,7 @@ def _timings(result: "TransferResult") -> str:
 def _footer() -> str:
     return (
         f"<footer><p>grasptransfer {grasptransfer.__version__}. Metres unless said otherwise. "
-        "<code>camera</code>: OpenCV axes (x right, y down, z forward). <code>object</code>: z up, +x its front, "
-        "origin at the centre of the bounding box. <code>gripper</code>: the TCP between the pads, +z approach, "
-        "+x closing. <code>a_from_b</code> maps points of frame b to frame a.</p></footer>"
+        "<code>camera</code>: OpenCV axes (x right, y down, z forward). <code>object</code>: z up, +x its "
+        "front, origin at the centre of the bounding box. <code>gripper</code>: the TCP between the pads, "
+        "+z approach, +x closing. <code>a_from_b</code> maps points of frame b to frame a.</p></footer>"
     )

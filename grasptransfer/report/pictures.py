@@ -117,7 +117,7 @@ class Pictures:
         return outlined(picture.astype(np.uint8), inside, MASK)
 
     def outlines(self) -> Picture:
-        """Over the photograph: the canonical model at the told pose, the reconstruction at the refined one."""
+        """Over the photograph: canonical model at the told pose, reconstruction at the refined one."""
         told = View(self.observed.camera, self.observation.camera_from_object)
         before = self.studio.mask(self.canonical, told)
         after = self.studio.mask(self.reconstruction, self.observed)

@@ -114,7 +114,7 @@ def observed_view(
 ) -> View:
     """The photograph's own camera, zoomed to the meshes."""
     box = _box_around(camera, camera_from_object, meshes)
-    return View(camera.crop(_framed(box, width / height, margin), width, height), camera_from_object)
+    return View(camera.crop(framed(box, width / height, margin), width, height), camera_from_object)
 
 
 def hidden_view(
@@ -150,7 +150,7 @@ def fitted_view(
     pose = look_at(6 * radius, azimuth, elevation)
     camera = Camera.from_fov(width, height, 0.5)
     box = _box_around(camera, pose, meshes)
-    return View(camera.crop(_framed(box, width / height, margin), width, height), pose)
+    return View(camera.crop(framed(box, width / height, margin), width, height), pose)
 
 
 def _box_around(camera: Camera, pose: Float[np.ndarray, "4 4"], meshes: list[trimesh.Trimesh]) -> Box:
@@ -161,7 +161,7 @@ def _box_around(camera: Camera, pose: Float[np.ndarray, "4 4"], meshes: list[tri
     return box
 
 
-def _framed(box: Box, aspect: float, margin: float) -> Box:
+def framed(box: Box, aspect: float, margin: float) -> Box:
     """The box of this aspect ratio around `box`, enlarged by `margin`."""
     u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
     width = max(box[2] - box[0], (box[3] - box[1]) * aspect, 8.0) * margin

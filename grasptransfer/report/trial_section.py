@@ -4,7 +4,10 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from grasptransfer.report.html_parts import pill
+import trimesh
+
+from grasptransfer.report.html_parts import figure, gif_uri, pill, section, table
+from grasptransfer.report.movie import movie, seconds_per_frame
 
 if TYPE_CHECKING:
     from grasptransfer.report.studio import Studio
@@ -30,6 +33,37 @@ def trial_pill(trials: "Sequence[TrialResult]") -> str:
     return pill(f"held {held} of {len(trials)}", "good" if 2 * held > len(trials) else "bad")
 
 
-def trial_section(result: "TransferResult", trials: "Sequence[TrialResult]", studio: "Studio") -> str:
-    """Table and pictures of the trials."""
-    return ""
+def trial_section(
+    result: "TransferResult",
+    trials: "Sequence[TrialResult]",
+    studio: "Studio",
+    *,
+    executed_mesh: trimesh.Trimesh | None,
+) -> str:
+    """Table of the trials, and moving pictures of the recorded ones."""
+    mesh = result.mesh if executed_mesh is None else executed_mesh
+    what = "the reconstruction" if executed_mesh is None else "the true mesh of the instance"
+    names = ("grasp", "outcome", "ended in", "slip mm", "slip °", "detail")
+    heads = [(name, name.startswith("slip")) for name in names]
+    rows = [
+        [
+            escape(trial.grasp),
+            pill(trial.status.value, "good" if trial.held else "bad"),
+            escape(trial.phase),
+            f"{trial.slip_mm:.1f}",
+            f"{trial.slip_degrees:.1f}",
+            escape(trial.detail),
+        ]
+        for trial in trials
+    ]
+    movies = []
+    for trial in trials:
+        frames = movie(trial, mesh, result.gripper, studio)
+        if frames:
+            uri = gif_uri(frames, seconds_per_frame=seconds_per_frame(trial))
+            caption = f"{escape(trial.grasp)}: {escape(trial.status.value)}"
+            movies.append(figure(uri, caption, alt=f"execution of {trial.grasp}"))
+    protocols = ", ".join(sorted({trial.protocol for trial in trials}))
+    lead = f"Executed in PyBullet on {what}, protocol {escape(protocols)}."
+    pictures = f'<div class="movies">{"".join(movies)}</div>' if movies else ""
+    return section("Execution", lead, table(heads, rows) + pictures)

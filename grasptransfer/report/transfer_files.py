@@ -1,0 +1,229 @@
+"""`grasptransfer transfer`: files in, files out; nothing is left half-written where something goes wrong."""
+
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+from PIL import Image
+
+from grasptransfer.camera import Camera
+from grasptransfer.errors import GraspTransferError, ImageError, MeshError
+from grasptransfer.frames import invert
+from grasptransfer.grasping import load_scene
+from grasptransfer.perception.observation import read_image
+from grasptransfer.report.page import headline, write_page
+from grasptransfer.report.pose_file import load_pose
+from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, save_result, writing
+from grasptransfer.transfer import GraspTransfer, TransferredGrasp, TransferResult
+
+if TYPE_CHECKING:
+    from grasptransfer.simulation import TrialResult
+
+REPORT = "report.html"
+PROTOCOL = "lift-shake-v1"
+EXECUTED = 5  # best usable grasps, one of each symmetry family
+FRAMES_PER_SECOND = 10.0
+LARGEST_EXTENT = 3.0  # m; a mesh beyond it was given in millimetres
+Stage = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command found.
+
+    Args:
+        sentence: for the user: what was found, and where to look.
+        usable: whether there is a grasp to execute.
+        result: of the transfer.
+        trials: of the execution.
+        folder: with the files.
+    """
+
+    sentence: str
+    usable: bool
+    result: TransferResult
+    trials: "tuple[TrialResult, ...]"
+    folder: Path
+
+
+def run_transfer(
+    image: Path,
+    pose: Path,
+    category: str,
+    *,
+    out: Path,
+    camera: Path | None = None,
+    gripper: str = "panda",
+    scene: Path | None = None,
+    mask: Path | None = None,
+    depth: Path | None = None,
+    execute: Path | None = None,
+    estimator: str = "rgb",
+    refine_pose: bool = True,
+    device: str = "auto",
+    seed: int = 0,
+) -> Outcome:
+    """Transfer grasps to the instance in a picture, and write report, grasps and reconstruction.
+
+    Args:
+        image, pose, camera, mask, depth, scene: files, as the command line describes them.
+        category, gripper: names, or paths of one's own.
+        execute: mesh of the instance, object frame [m]; it stands at the pose that was told.
+        out: folder, made where it is missing; files of the same names are replaced.
+
+    Raises:
+        GraspTransferError: wrong input; nothing is written then.
+    """
+    told = load_pose(pose)
+    seen = {
+        "camera": None if camera is None else Camera.load(camera),
+        "mask": None if mask is None else load_mask(mask),
+        "depth": None if depth is None else load_depth(depth),
+        "scene": None if scene is None else load_scene(scene),
+    }
+    true_mesh = None if execute is None else load_mesh(execute)
+    flow = GraspTransfer(
+        category, gripper=gripper, estimator=estimator, refine_pose=refine_pose, device=device, seed=seed
+    )
+    try:
+        result = flow.transfer(image, told, **seen)
+    except GraspTransferError as error:
+        if error.path is None and error.key == "pose":
+            error.args = (f"{pose}: {error}",)
+        raise
+    trials = () if true_mesh is None else execute_best(result, true_mesh, told, seed=seed)
+    return write_outcome(result, trials, true_mesh, out)
+
+
+def execute_best(
+    result: TransferResult,
+    mesh: trimesh.Trimesh,
+    camera_from_mesh: Float[np.ndarray, "4 4"],
+    *,
+    most: int = EXECUTED,
+    seed: int = 0,
+) -> "tuple[TrialResult, ...]":
+    """Execute the best usable grasp of each symmetry family in PyBullet.
+
+    The robot goes to where it believes the grasp is, seen from the camera; the mesh stands where it
+    really is. So errors of shape and of pose both count.
+
+    Args:
+        mesh: of the instance, its own frame [m].
+        camera_from_mesh: (4, 4) where it stands [m].
+        most: grasps to execute.
+    """
+    from grasptransfer.simulation import simulate
+
+    mesh_from_camera = invert(camera_from_mesh)
+    placed = [
+        replace(grasp, object_from_gripper=mesh_from_camera @ grasp.camera_from_gripper)
+        for grasp in best_of_each_family(result.usable)[:most]
+    ]
+    if not placed:
+        return ()
+    return tuple(
+        simulate(
+            placed, mesh, result.gripper, protocol=PROTOCOL, seed=seed, frames_per_second=FRAMES_PER_SECOND
+        )
+    )
+
+
+def best_of_each_family(grasps: Sequence[TransferredGrasp]) -> list[TransferredGrasp]:
+    """The first of each symmetry family, in order: turned ones are named `name/30deg`."""
+    best: dict[str, TransferredGrasp] = {}
+    for grasp in grasps:
+        best.setdefault(grasp.name.split("/")[0], grasp)
+    return list(best.values())
+
+
+def write_outcome(
+    result: TransferResult,
+    trials: "Sequence[TrialResult]",
+    true_mesh: trimesh.Trimesh | None,
+    out: Path,
+) -> Outcome:
+    """Write report.html, grasps.yaml, reconstruction.glb, field.npz and result.yaml, all or none."""
+    out = Path(out)
+    with replacing_files(out) as folder:
+        save_result(result, folder)
+        write_page(result, folder / REPORT, trials=trials, executed_mesh=true_mesh)
+    return Outcome(sentence(result, trials, out), bool(result.usable), result, tuple(trials), out)
+
+
+def sentence(result: TransferResult, trials: "Sequence[TrialResult]", out: Path) -> str:
+    """What was found, and where to look."""
+    text = headline(result)
+    if result.usable:
+        best = result.usable[0]
+        text += f"; the best is {best.name}, expected success {best.score:.0%}"
+    if trials:
+        held = sum(trial.held for trial in trials)
+        text += f"; PyBullet held {held} of the {len(trials)} executed ({trials[0].protocol})"
+    if result.status.value != "ok":
+        text += f". {result.status.advice.rstrip('.')}"
+    return f"{text}. Look at {out / REPORT}; grasps: {out / GRASPS}; mesh: {out / RECONSTRUCTION}"
+
+
+@contextmanager
+def replacing_files(out: Path):
+    """A folder beside `out`; its files move into `out` once the block has ended well."""
+    with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        made = tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent)
+    with made as name:
+        yield Path(name)
+        with writing(out):
+            out.mkdir(exist_ok=True)
+            for path in sorted(Path(name).iterdir()):
+                os.replace(path, out / path.name)
+
+
+def load_mask(path: Path) -> Bool[np.ndarray, "h w"]:
+    """Where a picture is brighter than half."""
+    return read_image(path).mean(-1) > 127
+
+
+def load_depth(path: Path) -> Float[np.ndarray, "h w"]:
+    """Metres of a 16-bit picture in millimetres, 0 = missing.
+
+    Raises:
+        ImageError: it cannot be read, or is no single channel of 16 or more bits.
+    """
+    try:
+        with Image.open(path) as picture:
+            picture.load()
+    except (OSError, ValueError) as error:
+        raise ImageError(f"cannot be read as a picture: {error}", path=path) from error
+    if not picture.mode.startswith("I"):
+        raise ImageError(
+            "must be a 16-bit grey picture in millimetres", path=path, key="depth", value=picture.mode
+        )
+    return np.asarray(picture).astype(float) / 1000
+
+
+def load_mesh(path: Path) -> trimesh.Trimesh:
+    """A mesh file as one mesh, metres.
+
+    Raises:
+        MeshError: missing, unreadable, empty or in millimetres.
+    """
+    if not Path(path).is_file():
+        raise MeshError("does not exist", path=path)
+    try:
+        mesh = trimesh.load_scene(path, process=False).to_geometry()
+    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
+        raise MeshError(f"cannot be read: {error}", path=path) from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise MeshError("has no triangles", path=path)
+    if not np.isfinite(mesh.vertices).all() or mesh.extents.max() > LARGEST_EXTENT:
+        size = float(np.max(mesh.extents))
+        raise MeshError("is not in metres", path=path, value=f"{size:g} long", fix="Scale it to metres")
+    return mesh
