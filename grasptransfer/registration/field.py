@@ -131,7 +131,7 @@ class DeformationField:
                 f"{len(points)} points need as many targets", key="targets", value=len(targets)
             )
         regularisation = positive(regularisation, "regularisation")
-        from scipy.linalg import cho_factor, cho_solve, solve_triangular, svd
+        from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
         control, moved = field.normaliser(field.control_points), field.normaliser(points)
         low_rank = pivoted_cholesky(control, field.beta, tolerance=1e-10)
@@ -148,9 +148,7 @@ class DeformationField:
             moment += features @ ((targets[chunk] - points[chunk]) / field.scale)
         normal[np.diag_indices_from(normal)] += regularisation
         coefficients = cho_solve(cho_factor(normal), moment)
-        # Of all weights with L^T W = c the shortest: it holds nothing that G does not show.
-        left, stretch, right = svd(low_rank.factor, full_matrices=False)
-        weights = left @ ((right @ coefficients) / stretch[:, None])
+        weights = low_rank.shortest_weights(coefficients)
         return dataclasses.replace(field, weights=weights)
 
     def __call__(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:

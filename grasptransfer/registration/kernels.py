@@ -29,6 +29,13 @@ class LowRankKernel:
     factor: Float[np.ndarray, "n r"]
     pivots: Int[np.ndarray, "r"]
 
+    def shortest_weights(self, coefficients: Float[np.ndarray, "r c"]) -> Float[np.ndarray, "n c"]:
+        """Of all W with L^T W = coefficients the shortest: it holds nothing that G hardly shows."""
+        from scipy.linalg import solve_triangular
+
+        orthogonal, triangular = np.linalg.qr(self.factor)
+        return orthogonal @ solve_triangular(triangular, coefficients, trans=1)
+
 
 def gaussian(
     points_a: Float[np.ndarray, "m 3"], points_b: Float[np.ndarray, "n 3"], beta: float

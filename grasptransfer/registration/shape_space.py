@@ -27,7 +27,7 @@ from jaxtyping import Bool, Float
 from grasptransfer.errors import PointCloudError, SettingsError
 from grasptransfer.registration.clouds import Normaliser, check_points
 from grasptransfer.registration.field import DeformationField, positive
-from grasptransfer.registration.kernels import compress, gaussian_times, pivoted_cholesky
+from grasptransfer.registration.kernels import LowRankKernel, compress, gaussian_times, pivoted_cholesky
 from grasptransfer.registration.ppca import fit_closed, fit_em
 from grasptransfer.registration.storage import load_arrays, save_arrays
 
@@ -290,8 +290,8 @@ class ShapeSpace:
         )
 
     @cached_property
-    def _factor(self) -> Float[np.ndarray, "n r"]:
-        return pivoted_cholesky(self.normaliser(self.control_points), self.beta, tolerance=1e-10).factor
+    def _low_rank(self) -> LowRankKernel:
+        return pivoted_cholesky(self.normaliser(self.control_points), self.beta, tolerance=1e-10)
 
     @cached_property
     def _basis_features(self) -> Float[np.ndarray, "k d"]:
@@ -302,18 +302,17 @@ class ShapeSpace:
         """Weights as the metric sees them."""
         if self.metric == "W":
             return weights
-        coefficients = self._factor.T @ weights
-        return coefficients if self.metric == "G" else self._factor @ coefficients
+        coefficients = self._low_rank.factor.T @ weights
+        return coefficients if self.metric == "G" else self._low_rank.factor @ coefficients
 
     def _weights_of(self, features: Float[np.ndarray, "d"]) -> Float[np.ndarray, "n 3"]:
         """The shortest weights that the metric sees as these features."""
         features = features.reshape(-1, 3)
         if self.metric == "W":
             return features
-        left, stretch, right = np.linalg.svd(self._factor, full_matrices=False)
-        if self.metric == "G":
-            return left @ ((right @ features) / stretch[:, None])
-        return left @ ((left.T @ features) / stretch[:, None] ** 2)
+        if self.metric == "GW":
+            features = np.linalg.lstsq(self._low_rank.factor, features, rcond=None)[0]
+        return self._low_rank.shortest_weights(features)
 
     def _check_latent(self, latent) -> Float[np.ndarray, "k"]:
         latent = np.asarray(latent, dtype=float)

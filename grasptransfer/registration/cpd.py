@@ -1,0 +1,226 @@
+"""Coherent Point Drift: the smooth field that takes a source cloud to a target cloud.
+
+The target is a sample of a Gaussian mixture around the moved source points; EM alternates between
+who belongs to whom (P) and the smoothest field that brings them together.
+
+| symbol | name |
+| --- | --- |
+| Y, X | source, target, both normalised by the source's centre and RMS radius |
+| G = L L^T | `PreparedSource.factor` (L) |
+| T = Y + G W = Y + L c | `moved`, `coefficients` (c = L^T W) |
+| P 1, P X, P^T 1 | `Expectation.support`, `.moment`, `.inlier` |
+| sigma^2, lambda, w | `variance`, `lam`, `outlier_weight` |
+
+Source: Myronenko and Song, Point Set Registration: Coherent Point Drift, 2010, figure 4. Given
+correspondences: Golyanik, Taetz, Reis, Stricker, Extended CPD, 2016, eq. 8. The low-rank M-step is
+exact for G = L L^T: (L^T diag(P 1) L + lambda sigma^2 I) c = L^T (P X - P 1 Y).
+"""
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from grasptransfer.errors import NotSucceeded
+from grasptransfer.registration.alignment import align, apply_affine
+from grasptransfer.registration.cpd_input import (
+    Correspondences,
+    Options,
+    PreparedSource,
+    check_correspondences,
+    check_target,
+    check_traits,
+)
+from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdStatus
+from grasptransfer.registration.expectation import NO_OUTLIERS, EStep, Expectation
+from grasptransfer.registration.field import DeformationField
+
+VARIANCE_FLOOR = 1e-8  # normalised: sigma of 1e-4 of the RMS radius, where float32 distances end
+
+
+def cpd(
+    source: Shaped[np.ndarray, "..."] | PreparedSource,
+    target: Shaped[np.ndarray, "..."],
+    *,
+    beta: float | None = None,
+    lam: float = 2.0,
+    outlier_weight: float | str = 0.0,
+    tolerance: float = 1e-7,
+    max_iterations: int = 150,
+    align_first: str = "none",
+    correspondences: Shaped[np.ndarray, "..."] | None = None,
+    correspondence_std: float | None = None,
+    source_traits: Shaped[np.ndarray, "..."] | None = None,
+    target_traits: Shaped[np.ndarray, "..."] | None = None,
+    trait_std: float = 1.0,
+    backend: str = "auto",
+    threads: int | None = None,
+    callback: Callable[[CpdProgress], bool | None] | None = None,
+    strict: bool = False,
+) -> CpdResult:
+    """Register a source cloud to a target cloud without known correspondences.
+
+    Args:
+        source: (n, 3) [m], or a `PreparedSource` that is used for many targets.
+        target: (m, 3) [m], same frame as the source, or any with `align_first`.
+        beta: width of the kernel in units of the source's RMS radius; 2 by default. Larger moves
+            neighbours more together.
+        lam: weight of smoothness against fit.
+        outlier_weight: share of target points without counterpart, 0 <= w < 1, or "estimate".
+        tolerance: stop once sigma^2 changes by less, normalised; 0 runs all iterations.
+        max_iterations: of EM.
+        align_first: "none", "rigid", "similarity" or "affine": remove such a motion of the whole
+            cloud first (`CpdResult.target_from_source`); the field is what remains.
+        correspondences: (c, 2) known pairs: index of a source point, index of a target point.
+        correspondence_std: their accuracy [m]; 1 % of the source's RMS radius by default.
+        source_traits: (n, t) colours or normals of the source points, optional.
+        target_traits: (m, t) the same of the target points.
+        trait_std: how much the traits of matching points differ.
+        backend: "auto", "compiled" (numba) or "numpy": same results.
+        threads: of the E-step; None takes the available cores.
+        callback: is told of each iteration; returning True stops.
+        strict: raise when the iteration limit is hit.
+
+    Raises:
+        PointCloudError: clouds that are not (m, 3), not finite, without extent, in other units or
+            elsewhere than the source, or with far outliers at `outlier_weight` 0.
+        SettingsError: an option outside its range.
+        NotSucceeded: `strict`, and the iteration limit was hit.
+    """
+    options = Options.checked(lam, outlier_weight, tolerance, max_iterations)
+    if not isinstance(source, PreparedSource):
+        source = PreparedSource(source, beta=2.0 if beta is None else beta)
+    source.check_beta(beta)
+    target = check_target(target, source, align_first=align_first, outlier_weight=options.outlier_weight)
+    target_from_source = align(
+        source.points, target, align_first, outlier_weight=options.first_outlier_weight
+    )
+    seen = source.normaliser(apply_affine(np.linalg.inv(target_from_source), target))
+    known = check_correspondences(correspondences, correspondence_std, source, seen)
+    traits = check_traits(source_traits, target_traits, trait_std, source, seen)
+    with EStep(seen, source.count, traits=traits, backend=backend, threads=threads) as expect:
+        run = _Run(source, seen, known, options, expect)
+        status = run.iterate(callback)
+    result = run.result(status, target_from_source)
+    if strict and status is CpdStatus.ITERATION_LIMIT:
+        raise NotSucceeded(status.advice, key="max_iterations", value=max_iterations)
+    return result
+
+
+def cpd_all(
+    source: PreparedSource, targets: Iterable[Shaped[np.ndarray, "..."]], *, workers: int = 2, **options
+) -> list[CpdResult]:
+    """Register one prepared source to many targets in parallel, in their order.
+
+    Args:
+        workers: registrations that run at once, each in one thread.
+        options: of `cpd`.
+    """
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(lambda target: cpd(source, target, threads=1, **options), targets))
+
+
+class _Run:
+    """State of one EM, in normalised units and in the order of `PreparedSource`."""
+
+    def __init__(
+        self,
+        source: PreparedSource,
+        target: Float[np.ndarray, "m 3"],
+        known: Correspondences,
+        options: Options,
+        expect: EStep,
+    ):
+        self.source, self.target, self.known = source, target, known
+        self.options, self.expect = options, expect
+        self.coefficients = np.zeros((source.factor.shape[1], 3))
+        self.moved = source.normalised.copy()
+        self.variance = _mean_squared_distance(self.moved, target) / 3
+        self.outlier_weight = options.first_outlier_weight
+        self.objective_history: list[float] = []
+        self._weighted_factor = np.empty_like(source.factor)
+
+    def iterate(self, callback) -> CpdStatus:
+        for _ in range(self.options.max_iterations):
+            expectation = self.expect(self.moved, self.variance, log_outlier=self._log_outlier())
+            self.objective_history.append(self._objective(expectation))
+            change = self._maximise(expectation)
+            self.expectation = expectation
+            if callback and callback(self._progress()):
+                return CpdStatus.STOPPED
+            if self.options.tolerance and self.variance <= VARIANCE_FLOOR:
+                return CpdStatus.VARIANCE_FLOOR
+            if abs(change) < self.options.tolerance:
+                return CpdStatus.CONVERGED
+        return CpdStatus.ITERATION_LIMIT
+
+    def _maximise(self, expectation: Expectation) -> float:
+        """M-step: the field for this variance, then the variance for this field; its change."""
+        support, factor = expectation.support, self.source.factor
+        pull = expectation.moment - support[:, None] * self.source.normalised
+        known_support, known_pull = self.known.terms(self.variance)
+        np.multiply(factor, (support + known_support)[:, None], out=self._weighted_factor)
+        normal = factor.T @ self._weighted_factor
+        normal[np.diag_indices_from(normal)] += self.options.lam * self.variance
+        self.coefficients = np.linalg.solve(normal, factor.T @ (pull + known_pull))
+        before, self.moved = self.moved, self.source.normalised + factor @ self.coefficients
+        step = self.moved - before
+        # Sum of P |x - T|^2, from its value before the step: no large terms cancel.
+        squared = expectation.squared + np.sum(
+            support[:, None] * step**2 - 2 * step * (expectation.moment - support[:, None] * before)
+        )
+        matched = max(float(support.sum()), 1e-12)
+        previous, self.variance = self.variance, max(float(squared) / (3 * matched), VARIANCE_FLOOR)
+        if self.options.estimates_outliers:
+            self.outlier_weight = float(np.clip(1 - matched / len(self.target), 1e-6, 0.95))
+        return previous - self.variance
+
+    def _log_outlier(self) -> float:
+        """Log of the uniform part beside the sum of exponentials (2010, eq. 6)."""
+        if not self.outlier_weight:
+            return NO_OUTLIERS
+        odds = self.outlier_weight / (1 - self.outlier_weight)
+        return 1.5 * np.log(2 * np.pi * self.variance) + np.log(odds * self.source.count / len(self.target))
+
+    def _objective(self, expectation: Expectation) -> float:
+        """Negative log-likelihood and lambda / 2 tr(W^T G W), which EM never lets rise."""
+        constant = 1.5 * np.log(2 * np.pi * self.variance) - np.log1p(-self.outlier_weight)
+        likelihood = expectation.log_likelihood - len(self.target) * (constant + np.log(self.source.count))
+        bending = 0.5 * self.options.lam * np.square(self.coefficients).sum()
+        return float(bending - likelihood + self.known.cost(self.moved))
+
+    def _progress(self) -> CpdProgress:
+        return CpdProgress(
+            iteration=len(self.objective_history),
+            moved=self.source.normaliser.undo(self.source.unordered(self.moved)),
+            variance=self.variance * self.source.normaliser.scale**2,
+            objective=self.objective_history[-1],
+        )
+
+    def result(self, status: CpdStatus, target_from_source: Float[np.ndarray, "4 4"]) -> CpdResult:
+        normaliser, unordered = self.source.normaliser, self.source.unordered
+        weights = unordered(self.source.low_rank.shortest_weights(self.coefficients))
+        support = np.maximum(self.expectation.support, 1e-12)[:, None]
+        return CpdResult(
+            field=DeformationField(
+                self.source.points, weights, self.source.beta, normaliser.centre, normaliser.scale
+            ),
+            status=status,
+            iterations=len(self.objective_history),
+            variance=self.variance * normaliser.scale**2,
+            variance_floor=VARIANCE_FLOOR * normaliser.scale**2,
+            objective_history=tuple(self.objective_history),
+            source_support=unordered(self.expectation.support),
+            target_inlier=self.expectation.inlier,
+            matched_targets=normaliser.undo(unordered(self.expectation.moment / support)),
+            outlier_weight=self.outlier_weight,
+            target_from_source=target_from_source,
+        )
+
+
+def _mean_squared_distance(points_a: Float[np.ndarray, "n 3"], points_b: Float[np.ndarray, "m 3"]) -> float:
+    """Over all pairs, without making them."""
+    middle_a, middle_b = points_a.mean(0), points_b.mean(0)
+    spread = np.square(points_a - middle_a).sum(1).mean() + np.square(points_b - middle_b).sum(1).mean()
+    return float(spread + np.square(middle_a - middle_b).sum())

@@ -1,0 +1,191 @@
+"""The E-step of CPD: how likely each target point came from each source point, summed up.
+
+| symbol | name |
+| --- | --- |
+| P_nm | never stored |
+| P 1 | `Expectation.support` |
+| P X | `Expectation.moment` |
+| P^T 1 | `Expectation.inlier` |
+| sum P_nm |x_m - T(y_n)|^2 | `Expectation.squared` |
+
+Two backends give the same results: a compiled loop (numba), and NumPy on chunks of pairs. Both skip
+pairs of boxes that are out of reach once sigma is small. Source: Myronenko and Song 2010, eq. 6.
+"""
+
+import importlib.util
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.errors import SettingsError
+from grasptransfer.registration.blocks import BLOCK, GROUP, spatial_order
+
+BACKENDS = ("auto", "compiled", "numpy")
+CUTOFF = 18.0  # pairs less likely by e^-18 than the nearest one do not count
+LARGEST_EXPONENT = 80.0  # float32's smallest normal number is e^-87
+CHUNK = 128  # target points that NumPy treats at once
+FEWEST_PAIRS = 400_000  # for each thread; handing over less costs more than it saves
+FAR = 1e9  # where source points that only fill up a box are put
+NO_OUTLIERS = -1e30  # log of an outlier term of zero
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What the M-step needs of the responsibilities P."""
+
+    support: Float[np.ndarray, "n"]
+    moment: Float[np.ndarray, "n 3"]
+    inlier: Float[np.ndarray, "m"]
+    squared: float
+    log_likelihood: float
+
+
+@dataclass(frozen=True, eq=False)
+class Traits:
+    """Colours or normals of both clouds, divided by how much those of matching points differ."""
+
+    source: Float[np.ndarray, "n t"]
+    target: Float[np.ndarray, "m t"]
+
+
+class EStep:
+    """Computes expectations of one target cloud; a context manager, since it may hold threads.
+
+    Args:
+        target: (m, 3) normalised.
+        source_count: n; source points must come in `spatial_order(points, BLOCK)`.
+        traits: of source (in that order) and target.
+        backend: "compiled", "numpy", or "auto": compiled where numba is installed.
+        threads: at most this many; None takes the cores that this process may use.
+    """
+
+    def __init__(
+        self,
+        target: Float[np.ndarray, "m 3"],
+        source_count: int,
+        *,
+        traits: Traits | None = None,
+        backend: str = "auto",
+        threads: int | None = None,
+    ):
+        if backend not in BACKENDS:
+            raise SettingsError("is unknown", key="backend", value=backend, choices=BACKENDS)
+        if backend == "auto":
+            backend = "compiled" if importlib.util.find_spec("numba") else "numpy"
+        self._order = spatial_order(target, GROUP)
+        self._target = np.ascontiguousarray(target[self._order].T, dtype=np.float32)
+        self._starts = np.arange(0, source_count, BLOCK)
+        self._padding = -source_count % BLOCK
+        self._traits = self._ordered_traits(traits)
+        # What unlike traits can cost at most: pairs must stay in reach that only they would favour.
+        low, high = (np.concatenate(self._traits, axis=1) if traits else np.zeros((1, 1)),) * 2
+        self._worst_traits = float(np.square(high.max(1) - low.min(1)).sum()) if traits else 0.0
+        self._task = self._compiled if backend == "compiled" else self._numpy
+        threads = (
+            threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else threads or 1
+        )
+        self._pieces = max(1, min(threads, source_count * len(target) // FEWEST_PAIRS))
+        self._pool = ThreadPoolExecutor(self._pieces - 1) if self._pieces > 1 else None
+
+    def __enter__(self) -> "EStep":
+        return self
+
+    def __exit__(self, *_):
+        if self._pool:
+            self._pool.shutdown()
+
+    def __call__(
+        self, moved: Float[np.ndarray, "n 3"], variance: float, *, log_outlier: float = NO_OUTLIERS
+    ) -> Expectation:
+        """The expectation, given moved source points and sigma^2, both normalised."""
+        moved = moved.astype(np.float32)
+        boxes = np.minimum.reduceat(moved, self._starts).T, np.maximum.reduceat(moved, self._starts).T
+        boxes = tuple(np.ascontiguousarray(corner) for corner in boxes)
+        arguments = (moved, boxes, variance, log_outlier)
+        groups = -(-self._target.shape[1] // GROUP)
+        cuts = [min(GROUP * (groups * i // self._pieces), self._target.shape[1]) for i in range(self._pieces)]
+        ranges = list(zip(cuts, [*cuts[1:], self._target.shape[1]], strict=True))
+        inlier = np.empty(self._target.shape[1])
+        waiting = [self._pool.submit(self._task, *piece, inlier, *arguments) for piece in ranges[1:]]
+        parts = [self._task(*ranges[0], inlier, *arguments), *(future.result() for future in waiting)]
+        support, moment, squared, likelihood = (sum(column) for column in zip(*parts, strict=True))
+        unordered = np.empty_like(inlier)
+        unordered[self._order] = inlier
+        return Expectation(support, moment, unordered, squared, likelihood)
+
+    def _reach(self, variance: float) -> float:
+        return 2 * variance * (CUTOFF + self._worst_traits * np.log(2))
+
+    def _compiled(self, first, last, inlier, moved, boxes, variance, log_outlier):
+        from grasptransfer.registration.expectation_compiled import expect
+
+        count = len(moved)
+        padded = np.concatenate([moved, np.full((self._padding, 3), FAR, np.float32)])
+        flat = padded.reshape(-1, BLOCK, 3).transpose(0, 2, 1).ravel()
+        sums = np.zeros(4 * len(padded), np.float32)
+        reach = np.float32(self._reach(variance))
+        squared, likelihood = expect(
+            self._target, first, last, flat, *boxes, *self._traits, variance, reach, log_outlier, sums, inlier
+        )
+        sums = sums.reshape(-1, 4, BLOCK).transpose(0, 2, 1).reshape(-1, 4)[:count].astype(float)
+        return sums[:, 0], sums[:, 1:], squared, likelihood
+
+    def _numpy(self, first, last, inlier, moved, boxes, variance, log_outlier):
+        sums = np.zeros((len(moved), 4))
+        squared = likelihood = 0.0
+        for start in range(first, last, CHUNK):
+            chunk = slice(start, min(start + CHUNK, last))
+            points = self._target[:, chunk]
+            near = self._near(points, boxes, self._reach(variance), len(moved))
+            distance = _squared_distances(points, moved[near])
+            cost = distance
+            if len(self._traits[0]):
+                unlike = self._traits[0][:, chunk, None] - self._traits[1][:, None, : len(moved)][:, :, near]
+                cost = distance + np.float32(2 * np.log(2) * variance) * np.square(unlike).sum(0)
+            nearest = cost.min(1)
+            power = (nearest[:, None] - cost) * np.float32(0.5 / variance)
+            np.maximum(power, -LARGEST_EXPONENT, out=power)
+            np.exp(power, out=power)
+            total = power.sum(1)
+            log_inlier = np.log(total.astype(float)) - 0.5 * nearest / variance
+            log_all = np.logaddexp(log_inlier, log_outlier)
+            inlier[chunk] = np.exp(log_inlier - log_all)
+            share = inlier[chunk] / total
+            squared += float(share @ np.einsum("gn,gn->g", power, distance))
+            likelihood += float(log_all.sum())
+            weighted = np.concatenate([np.ones((1, points.shape[1]), np.float32), points]) * share
+            sums[near] += (weighted.astype(np.float32) @ power).T
+        return sums[:, 0], sums[:, 1:], squared, likelihood
+
+    def _near(self, points, boxes, reach, count):
+        """Source points that matter to these targets (`_near_blocks` of the compiled kernel)."""
+        low, high = points.min(1)[:, None], points.max(1)[:, None]
+        gap = np.maximum(np.maximum(boxes[0] - high, low - boxes[1]), 0)
+        span = np.maximum(boxes[1] - low, high - boxes[0])
+        close = np.square(gap).sum(0) <= np.square(span).sum(0).min() + reach
+        return slice(None) if close.all() else np.flatnonzero(np.repeat(close, BLOCK)[:count])
+
+    def _ordered_traits(self, traits: Traits | None):
+        """Traits as the kernel wants them: target (t, m), source (t, n), in units where 2^(-d^2)."""
+        if traits is None:
+            return np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32)
+        scale = np.sqrt(0.5 / np.log(2))
+        source = np.pad(traits.source, ((0, self._padding), (0, 0)))
+        pair = traits.target[self._order], source
+        return tuple(np.ascontiguousarray(side.T * scale, dtype=np.float32) for side in pair)
+
+
+def _squared_distances(points: Float[np.ndarray, "3 g"], moved: Float[np.ndarray, "n 3"]):
+    """(g, n) by one matrix product; centred on the chunk, so that small distances stay exact."""
+    centre = points.mean(1)
+    points, moved = points - centre[:, None], moved - centre
+    ones = np.ones((1, points.shape[1]), np.float32)
+    left = np.concatenate([points, np.square(points).sum(0)[None], ones])
+    right = np.concatenate(
+        [-2 * moved.T, np.ones((1, len(moved)), np.float32), np.square(moved).sum(1)[None]]
+    )
+    distance = left.T @ right
+    return np.maximum(distance, 0, out=distance)
