@@ -66,9 +66,9 @@ def transfer(
         gripper: name, or YAML of your own.
         scene: YAML with obstacles and a support plane.
         mask: picture that is white on the object.
-        execute: true mesh of the instance, object frame, on which PyBullet executes the grasps.
+        execute: true mesh of the instance [m], standing at the told pose; PyBullet executes the grasps on it.
         refine_pose: fit the pose together with the shape.
-        estimator: rgb, rgbd, cls, cpd, similarity or rigid.
+        estimator: rgb, cls, cpd, similarity or rigid.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.
         seed: of everything random.
@@ -166,6 +166,29 @@ def train(
     return 0
 
 
+def annotate(
+    category: Positional[str],
+    *,
+    gripper: str = "panda",
+    grasps: Path | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+) -> int:
+    """Annotate grasps of a category in the browser.
+
+    Args:
+        category: name or folder.
+        gripper: name, or YAML of your own.
+        grasps: file to edit; the category's own if none is given.
+        host: address to serve at; 0.0.0.0 lets other machines in.
+        port: to serve at.
+    """
+    from grasptransfer.annotator import annotate as serve
+
+    serve(category, gripper=gripper, path=grasps, host=host, port=port, on_ready=console.print)
+    return 0
+
+
 def simulate(
     *,
     grasps: Path,
@@ -225,9 +248,9 @@ def frames(gripper: Positional[str] = "panda", *, picture: Path | None = None) -
     loaded = load_gripper(gripper)
     console.print(frames_table(loaded))
     if picture is not None:
-        from grasptransfer.report.gripper_picture import draw_gripper
+        from grasptransfer.grasping.frames_table import draw_frames
 
-        draw_gripper(loaded, picture)
+        draw_frames(loaded, picture)
         console.print(f"Picture: {picture}")
     return 0
 
@@ -309,6 +332,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "transfer": transfer,
     "category": _group("category"),
     "train": train,
+    "annotate": annotate,
     "simulate": simulate,
     "convert": convert,
     "frames": frames,

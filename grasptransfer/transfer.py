@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from grasptransfer.perception.estimate import EstimateStatus, Estimator, ShapeEstimate
     from grasptransfer.perception.observation import Observation
 
-ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
+ESTIMATORS = ("rgb", "cls", "cpd", "similarity", "rigid")
 logger = logging.getLogger(__name__)
 
 
@@ -310,12 +310,10 @@ def _make_estimator(
 ) -> Estimator:
     if callable(estimator):
         return estimator
-    from grasptransfer.perception import baselines, rgb, rgbd
+    from grasptransfer.perception import baselines, rgb
 
     if estimator == "rgb":
         return rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-    if estimator == "rgbd":
-        return rgbd.RgbdEstimator(category, refine_pose=refine_pose, device=device)
     if estimator == "cls":
         return baselines.ClsEstimator(category, refine_pose=refine_pose)
     if estimator == "cpd":

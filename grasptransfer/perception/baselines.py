@@ -13,7 +13,7 @@ from grasptransfer.frames import invert, transform_points
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.zoom import projected_box
-from grasptransfer.registration import DeformationField, cpd, latent_fit
+from grasptransfer.registration import DeformationField, cpd
 
 FEWEST_POINTS = 20
 MOST_POINTS = 1500  # of a depth cloud; more cost time and add nothing at this noise
@@ -70,6 +70,8 @@ class ClsEstimator:
         """Fit the latent, and the pose where asked, to the observed points."""
         start = time.perf_counter()
         cloud = depth_cloud(observation)
+        from grasptransfer.registration import latent_fit
+
         fit = latent_fit(self.category.shape_space, cloud, refine_pose=self.refine_pose)
         pose = observation.camera_from_object @ fit.told_from_refined
         return ShapeEstimate(
