@@ -164,14 +164,17 @@ def test_fingers_wholly_inside_a_closed_body_are_found():
 def test_a_grasp_that_the_field_tears_apart_is_not_trusted():
     class Torn:
         def __call__(self, points):
-            return points * 4
+            return points * self.factors
 
         def jacobian(self, points):
-            return np.broadcast_to(4 * np.eye(3), (len(points), 3, 3))
+            return np.broadcast_to(np.diag(self.factors), (len(points), 3, 3))
 
-    warped = warp_grasps([grasp_from_above(width=0.01)], Torn(), method="jacobian")
-    (result,) = check_grasps(warped, CollisionWorld(box()), PANDA)
-    assert result.status is CheckStatus.OUT_OF_SHAPE_SPACE
+    torn = Torn()
+    for torn.factors, word in (((6.0, 1.0, 1.0), "stretches 6.0"), ((1.0, -0.5, 1.0), "folds")):
+        warped = warp_grasps([grasp_from_above(width=0.01)], torn, method="jacobian")
+        (result,) = check_grasps(warped, CollisionWorld(box()), PANDA)
+        assert result.status is CheckStatus.OUT_OF_SHAPE_SPACE
+        assert word in result.reason
     assert all(status.advice.endswith(".") for status in CheckStatus)
 
 
@@ -265,3 +268,11 @@ def test_a_mistake_in_a_scene_is_named(tmp_path, old, new, error, says):
         load_scene(path)
     assert says in str(caught.value)
     assert str(tmp_path) in str(caught.value)
+
+
+def test_a_shape_far_from_its_category_is_not_trusted():
+    world, grasps = CollisionWorld(box()), on_canonical([grasp_from_above()])
+    assert check_grasps(grasps, world, PANDA, latent=np.ones(5))[0].usable
+    (result,) = check_grasps(grasps, world, PANDA, latent=np.full(5, 4.0))
+    assert result.status is CheckStatus.OUT_OF_SHAPE_SPACE
+    assert "4.0 standard deviations" in result.reason

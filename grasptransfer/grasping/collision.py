@@ -27,7 +27,8 @@ STEP = 0.004  # m between checked poses of the approach: less than a third of a 
 SWEEP_STEP = 0.010  # m of opening between checks of the closing: each finger moves half of it
 LEAST_ROOM = 0.001  # m on each side of the object, below which the opened gripper does not get around it
 TRIED_ROOM = (0.005, 0.002)  # m on each side, tried where the usual room does not fit
-STRETCH_LIMITS = (0.4, 2.5)  # of the field's Jacobian; shapes of one category stay well within
+LARGEST_STRETCH = 5.0  # of the field's Jacobian: no two mugs differ that much beside a contact
+LARGEST_LATENT = 3.0  # RMS in standard deviations; about 1 for members of the category
 
 
 class CheckStatus(enum.Enum):
@@ -101,6 +102,7 @@ def check_grasps(
     *,
     scene: Scene | None = None,
     camera_from_object: Float[np.ndarray, "4 4"] | None = None,
+    latent: Float[np.ndarray, "k"] | None = None,
 ) -> tuple[GraspCheck, ...]:
     """Check that the gripper reaches each grasp and closes on the object.
 
@@ -109,11 +111,17 @@ def check_grasps(
         mesh: the object's surface, object frame [m]; a `CollisionWorld` brings its own scene.
         scene: obstacles and support plane, camera frame.
         camera_from_object: pose of the object (4, 4) [m]; matters with a scene only.
+        latent: of the shape, standard deviations; too far out, and no grasp on it is trusted.
     """
     if not grasps:
         return ()
     world = as_world(mesh, scene, camera_from_object)
     poses = np.stack([grasp.object_from_gripper for grasp in grasps])
+    far = 0.0 if latent is None or not len(latent) else float(np.sqrt(np.mean(latent**2)))
+    if far > LARGEST_LATENT:
+        reason = f"the shape lies {far:.1f} standard deviations from its category's mean"
+        opening = gripper.max_width
+        return tuple(GraspCheck(CheckStatus.OUT_OF_SHAPE_SPACE, reason, opening) for _ in grasps)
     found = [_reach(grasp, world, gripper) for grasp in grasps]
     openings = np.array([check.opening for check in found])
     widths = np.array([grasp.width for grasp in grasps])
@@ -126,8 +134,9 @@ def _reach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper) -> Grasp
     usual = gripper.approach_opening(grasp.width) if grasp.opening is None else grasp.opening
     usual = float(np.clip(usual, *gripper.opening))
     low, high = grasp.stretch
-    if low < STRETCH_LIMITS[0] or high > STRETCH_LIMITS[1]:
-        reason = f"the deformation field stretches by {low:.2f} to {high:.2f} at this grasp"
+    if low <= 0 or high > LARGEST_STRETCH:
+        what = "folds" if low <= 0 else f"stretches {high:.1f} times"
+        reason = f"the deformation field {what} at this grasp"
         return GraspCheck(CheckStatus.OUT_OF_SHAPE_SPACE, reason, usual)
     if grasp.width + 2 * LEAST_ROOM > gripper.max_width:
         reason = (

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.grasping.closing import Closing, close_pads
+from grasptransfer.grasping.collision import LEAST_ROOM
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.scene import Scene
 from grasptransfer.grasping.surface import Surface
@@ -69,7 +70,6 @@ _FIXED = np.array(
     ]
 )
 HALF_PAD = 0.009  # m; contacts this far from the pads' middle cost `off_centre`
-ROOM = 0.002  # m on each side when poses are tested for collision, if the usual room does not fit
 
 
 def refine_grasps(
@@ -90,7 +90,7 @@ def refine_grasps(
         camera_from_object: pose of the object (4, 4) [m]; matters with a scene only.
     """
     settings = Refinement() if settings is None else settings
-    fitting = [i for i, grasp in enumerate(grasps) if grasp.width + 2 * ROOM <= gripper.max_width]
+    fitting = [i for i, grasp in enumerate(grasps) if grasp.width + 2 * LEAST_ROOM <= gripper.max_width]
     if not fitting:
         return tuple(grasps)
     world = as_world(mesh, scene, camera_from_object)

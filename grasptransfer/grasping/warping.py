@@ -52,7 +52,8 @@ class WarpedGrasp:
         contacts: warped contacts (2, 3), -x side first, object frame [m].
         opening: distance between the pads on the way in [m], or None for a little more than `width`.
         method: how it was moved.
-        stretch: smallest and largest singular value of the field's Jacobian at the grasp.
+        stretch: smallest and largest singular value of the field's Jacobian at the contacts, or at the
+            TCP without them; the smallest is negative where the field turns space inside out.
     """
 
     name: str
@@ -97,7 +98,7 @@ def warp_grasps(
     jacobians, moved = field.jacobian(anchors), field(anchors)
     rotations = nearest_rotation(jacobians @ poses[:, :3, :3])
     positions = moved + poses[:, :3, 3] - anchors
-    stretches = np.linalg.svd(jacobians, compute_uv=False)[:, [2, 0]]
+    stretches = _stretches(grasps, field, jacobians)
     contacts = _warped_contacts(grasps, field)
     warped = []
     for i, grasp in enumerate(grasps):
@@ -119,6 +120,20 @@ def on_canonical(grasps: Sequence[Grasp]) -> tuple[WarpedGrasp, ...]:
         _warped(grasp, grasp.canonical_from_gripper, grasp.contacts, np.eye(3), "contacts", (1.0, 1.0))
         for grasp in grasps
     )
+
+
+def _stretches(
+    grasps: Sequence[Grasp], field: Field, jacobians: Float[np.ndarray, "g 3 3"]
+) -> Float[np.ndarray, "g 2"]:
+    """Signed smallest and largest singular value, of the mean Jacobian of a grasp's contacts."""
+    known = [i for i, grasp in enumerate(grasps) if grasp.contacts is not None]
+    jacobians = jacobians.copy()
+    if known:
+        ends = np.concatenate([grasps[i].contacts for i in known])  # type: ignore[misc]
+        jacobians[known] = field.jacobian(ends).reshape(-1, 2, 3, 3).mean(axis=1)
+    values = np.linalg.svd(jacobians, compute_uv=False)[:, [2, 0]]
+    values[:, 0] *= np.sign(np.linalg.det(jacobians))
+    return values
 
 
 def _nearest(
