@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 from grasptransfer.camera import Camera
-from grasptransfer.errors import GraspTransferError, ImageError, MeshError
+from grasptransfer.errors import ImageError, MeshError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
 from grasptransfer.perception.observation import read_image
@@ -92,12 +92,7 @@ def run_transfer(
     flow = GraspTransfer(
         category, gripper=gripper, estimator=estimator, refine_pose=refine_pose, device=device, seed=seed
     )
-    try:
-        result = flow.transfer(image, told, **seen)
-    except GraspTransferError as error:
-        if error.path is None and error.key == "pose":
-            error.args = (f"{pose}: {error}",)
-        raise
+    result = flow.transfer(image, told, **seen)
     trials = () if true_mesh is None else execute_best(result, true_mesh, told, seed=seed)
     return write_outcome(result, trials, true_mesh, out)
 

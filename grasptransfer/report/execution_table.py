@@ -1,0 +1,100 @@
+"""`grasptransfer simulate`: executed grasps as a table."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from grasptransfer.errors import GraspFileError
+from grasptransfer.grasping import load_gripper, on_canonical
+from grasptransfer.grasping.formats import read_grasps
+from grasptransfer.report.transfer_files import load_mesh
+
+if TYPE_CHECKING:
+    from grasptransfer.simulation import TrialResult
+
+
+def run_simulation(
+    grasps: Path,
+    mesh: Path,
+    gripper: str = "panda",
+    *,
+    protocol: str = "lift-shake-v1",
+    trials: int = 1,
+    workers: int = 1,
+    results: Path | None = None,
+    seed: int = 0,
+) -> tuple[Table, int]:
+    """Execute the grasps of a file on a mesh in PyBullet; a table of them, and how many trials held.
+
+    Args:
+        grasps: file in any format `convert` reads; poses in the mesh's frame.
+        mesh: of the object [m].
+        gripper: name, or path of a YAML file.
+        protocol: by name.
+        trials: of each grasp; 1 executes it exactly, more are perturbed.
+        workers: processes.
+        results: JSON lines to append to, and to resume from.
+        seed: of the perturbations.
+
+    Raises:
+        GraspTransferError: wrong input, named by file, key and value.
+    """
+    from grasptransfer.simulation import simulate
+
+    hand = load_gripper(gripper)
+    solid = load_mesh(mesh)
+    found = read_grasps(grasps, gripper=hand).grasps
+    if not found:
+        raise GraspFileError("holds no grasp", path=grasps)
+    outcomes = simulate(
+        on_canonical(found),
+        solid,
+        hand,
+        protocol=protocol,
+        trials=trials,
+        workers=workers,
+        results=results,
+        seed=seed,
+    )
+    return execution_table(outcomes), sum(outcome.held for outcome in outcomes)
+
+
+def execution_table(outcomes: "Sequence[TrialResult]") -> Table:
+    """One row for each grasp, and a last one for all of them."""
+    from grasptransfer.simulation.outcome import robustness
+
+    many = max((outcome.trial for outcome in outcomes), default=0) > 0
+    first = outcomes[0] if outcomes else None
+    table = Table(title=f"{first.protocol}, {first.gripper}" if first else "nothing executed")
+    table.add_column("grasp")
+    table.add_column("held", justify="right")
+    if many:
+        table.add_column("95 % interval", justify="right")
+    table.add_column("slip mm", justify="right")
+    table.add_column("what happened")
+    groups: dict[str, list] = {}
+    for outcome in outcomes:
+        groups.setdefault(outcome.grasp, []).append(outcome)
+    for found, group in zip(robustness(outcomes), groups.values(), strict=True):
+        interval = [f"{found.low:.0%} to {found.high:.0%}"] if many else []
+        table.add_row(found.grasp, f"{found.held}/{found.trials}", *interval, _slip(group), _events(group))
+    held = sum(outcome.held for outcome in outcomes)
+    table.add_section()
+    table.add_row("all", f"{held}/{len(outcomes)}", *([""] if many else []), _slip(outcomes), "")
+    return table
+
+
+def _slip(group: "Sequence[TrialResult]") -> str:
+    slips = [outcome.slip_mm for outcome in group if outcome.held]
+    return f"{np.median(slips):.1f}" if slips else "-"
+
+
+def _events(group: "Sequence[TrialResult]") -> str:
+    if len(group) == 1:
+        return f"{group[0].status.value}: {group[0].detail}" if group[0].detail else group[0].status.value
+    counted = Counter(outcome.status.value for outcome in group).most_common()
+    return ", ".join(f"{count} {text}" for text, count in counted)
