@@ -13,10 +13,14 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
+from grasptransfer.perception.silhouette import Silhouette
 
 # Neighbouring cells err together: all cells count as much as this many independent ones.
-INDEPENDENT_CELLS = 40.0
-ITERATIONS = 12
+INDEPENDENT_CELLS = 10.0
+ITERATIONS = 16
+CONVERGED = 2e-2  # of a standard deviation; the outline jumps between vertices by about as much
+FIRST_OUTLINE = 3  # iterations on flow and offsets alone, before outlines are near enough to match
+OUTLINE_EVERY = 3  # iterations between two searches for the vertices on the outline
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,25 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class Outline:
+    """The model's surface, and the mask that its outline must meet.
+
+    Args:
+        points: (v, 3) canonical surface points [m].
+        mean, basis: their displacement model, `ShapeSpace.displacement_model(points)` [m].
+    """
+
+    silhouette: Silhouette
+    points: Float[np.ndarray, "v 3"]
+    mean: Float[np.ndarray, "v 3"]
+    basis: Float[np.ndarray, "v 3 k"]
+
+    def shaped(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
+        """The surface points of the shape with this latent, object frame [m]."""
+        return self.points + self.mean + self.basis @ latent
+
+
+@dataclass(frozen=True)
 class PoseAndShape:
     """Result: refined pose, latent and their joint posterior covariance.
 
@@ -73,6 +96,7 @@ def fit_pose_and_shape(
     told_pose: Float[np.ndarray, "4 4"],
     start_pose: Float[np.ndarray, "4 4"],
     pose_prior: PosePrior | None,
+    outline: Outline | None = None,
 ) -> PoseAndShape:
     """Maximise the posterior of pose and latent.
 
@@ -83,6 +107,7 @@ def fit_pose_and_shape(
         told_pose: `camera_from_object` that the prior is about.
         start_pose: `camera_from_object` to start from.
         pose_prior: None trusts the start pose and fits the latent alone.
+        outline: the predicted mask, and the model's surface whose outline must meet it.
     """
     mean, basis = model
     size = basis.shape[2]
@@ -92,10 +117,16 @@ def fit_pose_and_shape(
         prior[:3], prior[3:6] = pose_prior.rotation**-2, pose_prior.translation**-2
     free = slice(0, None) if pose_prior is not None else slice(6, None)
     covariance, converged = np.zeros((6 + size, 6 + size)), False
-    for _ in range(ITERATIONS):
+    border = np.zeros(0, int)
+    for iteration in range(ITERATIONS):
         hessian, gradient = _offset_terms(motion, mean, basis, latent)
         flow = _flow_terms(motion, points + mean + basis @ latent, basis, camera, pose)
         hessian, gradient = hessian + flow[0], gradient + flow[1]
+        if outline is not None and outline.silhouette.usable and iteration >= FIRST_OUTLINE:
+            if (iteration - FIRST_OUTLINE) % OUTLINE_EVERY == 0:
+                border = outline.silhouette.outline(outline.shaped(latent), pose)
+            terms = _outline_terms(outline, border, latent, pose)
+            hessian, gradient = hessian + terms[0], gradient + terms[1]
         hessian[np.diag_indices(6 + size)] += prior
         gradient += prior * np.concatenate([_drift(told_pose, pose), latent])
         covariance[free, free] = np.linalg.inv(hessian[free, free])
@@ -104,8 +135,8 @@ def fit_pose_and_shape(
         pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ pose[:3, :3]
         pose[:3, 3] += step[3:6]
         latent = latent + step[6:]
-        converged = bool(np.abs(step[6:]).max() < 1e-3)
-        if converged:
+        converged = bool(np.abs(step[6:]).max() < CONVERGED)
+        if converged and (outline is None or iteration > FIRST_OUTLINE + OUTLINE_EVERY):
             break
     return PoseAndShape(pose, latent, covariance, converged)
 
@@ -134,6 +165,25 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     seen = turned + pose[:3, 3]
     residual = camera.project(seen) - motion.pixels
     weight = _laplace_weight(residual, motion.pixel_scale)
+    jacobian = _pixel_jacobian(turned, seen, basis, camera, pose)
+    rows = jacobian * weight[:, None, None]
+    return np.einsum("cdk,cdl->kl", rows, jacobian), np.einsum("cdk,cd->k", rows, residual)
+
+
+def _outline_terms(outline: "Outline", border, latent, pose):
+    """Hessian and gradient of the outline's distances to the mask's border."""
+    camera = outline.silhouette.camera
+    turned = outline.shaped(latent)[border] @ pose[:3, :3].T
+    seen = turned + pose[:3, 3]
+    distance, slope, weight = outline.silhouette.residuals(camera.project(seen))
+    by_pixel = _pixel_jacobian(turned, seen, outline.basis[border], camera, pose)
+    jacobian = np.einsum("pd,pdk->pk", slope, by_pixel)
+    rows = jacobian * weight[:, None]
+    return rows.T @ jacobian, rows.T @ distance
+
+
+def _pixel_jacobian(turned, seen, basis, camera: Camera, pose) -> Float[np.ndarray, "p 2 s"]:
+    """Derivative of the pixels by turn, shift and latent."""
     projection = np.zeros((len(seen), 2, 3))  # d pixel / d camera point
     projection[:, 0, 0], projection[:, 1, 1] = camera.fx / seen[:, 2], camera.fy / seen[:, 2]
     projection[:, 0, 2] = -camera.fx * seen[:, 0] / seen[:, 2] ** 2
@@ -141,9 +191,7 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     by_turn = np.cross(np.eye(3)[None], turned[:, None]).transpose(0, 2, 1)  # d (w x p) / d w
     by_latent = np.einsum("ij,cjk->cik", pose[:3, :3], basis)
     by_shift = np.broadcast_to(np.eye(3), by_turn.shape)
-    jacobian = projection @ np.concatenate([by_turn, by_shift, by_latent], axis=2)
-    rows = jacobian * weight[:, None, None]
-    return np.einsum("cdk,cdl->kl", rows, jacobian), np.einsum("cdk,cd->k", rows, residual)
+    return projection @ np.concatenate([by_turn, by_shift, by_latent], axis=2)
 
 
 def _laplace_weight(

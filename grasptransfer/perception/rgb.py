@@ -2,10 +2,12 @@
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import torch
+import trimesh
 from jaxtyping import Bool, Float
 from PIL import Image
 
@@ -17,9 +19,16 @@ from grasptransfer.perception.canonical_view import CanonicalView, view_canonica
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.networks import FLOW_UNIT, MASK_STRIDE, OFFSET_UNIT
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.pose_and_shape import Motion, PoseAndShape, PosePrior, fit_pose_and_shape
+from grasptransfer.perception.pose_and_shape import (
+    Motion,
+    Outline,
+    PoseAndShape,
+    PosePrior,
+    fit_pose_and_shape,
+)
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.samples import NO_BOX_MARGIN, view_from_object
+from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import find_weights, load_weights
 from grasptransfer.perception.zoom import (
     ZOOM_WIDTH,
@@ -106,6 +115,7 @@ class RgbEstimator:
                 told_pose=observation.camera_from_object,
                 start_pose=pose,
                 pose_prior=self.pose_prior if self.refine_pose else None,
+                outline=self._outline(look),
             )
             pose = fit.camera_from_object
             clock.lap("fit")
@@ -147,6 +157,27 @@ class RgbEstimator:
         )
         probability = torch.sigmoid(prediction.mask_logit[0, 0].float()).cpu().numpy()
         return Look(camera, view, motion, probability)
+
+    def _outline(self, look: Look) -> Outline:
+        """What the reconstruction's outline has to meet in this look."""
+
+        def draw_depth(vertices, pose):
+            return self.renderer.depth(self._with_vertices(vertices), look.camera, pose)
+
+        mean, basis = self._vertex_model
+        silhouette = Silhouette(look.object_probability, look.camera, draw_depth)
+        return Outline(silhouette, self._vertices, mean, basis)
+
+    @cached_property
+    def _vertices(self) -> Float[np.ndarray, "v 3"]:
+        return np.asarray(self.category.canonical.vertices)
+
+    @cached_property
+    def _vertex_model(self) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]:
+        return self.category.shape_space.displacement_model(self._vertices)
+
+    def _with_vertices(self, vertices: Float[np.ndarray, "v 3"]) -> trimesh.Trimesh:
+        return trimesh.Trimesh(vertices, self.category.canonical.faces, process=False)
 
     def _score(self, fit: PoseAndShape, look: Look, field) -> float:
         """How well the reconstruction covers what the network takes for the object, in [0, 1]."""
