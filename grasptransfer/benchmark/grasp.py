@@ -1,0 +1,164 @@
+"""`bench grasp`: grasps of every estimator, executed in PyBullet on the true mesh of unseen instances."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from grasptransfer.benchmark.document import document
+from grasptransfer.benchmark.estimators import EstimatorSet, TrueFieldEstimator
+from grasptransfer.benchmark.seen_instances import Instance, instances, observe_instance
+from grasptransfer.errors import SettingsError
+from grasptransfer.frames import invert
+from grasptransfer.grasping import load_gripper
+from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.scenes import PoseNoise
+from grasptransfer.simulation import simulate
+from grasptransfer.transfer import GraspTransfer, TransferredGrasp, TransferResult
+
+ESTIMATORS = ("gt", "rgb", "cls", "cpd", "similarity", "rigid")
+
+
+@dataclass(frozen=True)
+class GraspSettings:
+    """What is measured.
+
+    Args:
+        categories: names.
+        meshes: folder of `<category>/<name>/mesh.*`; None takes the shipped test instances.
+        views: of the 74 viewpoints, spread evenly.
+        gripper: name.
+        protocol: of the execution.
+        seed: of lights, backgrounds, pose errors and trials.
+        translation_noise: half-width of the told pose's error on each axis [m].
+        rotation_noise: largest turn of the told pose [rad].
+        estimators: which of `ESTIMATORS`.
+    """
+
+    categories: tuple[str, ...]
+    meshes: Path | None = None
+    views: int = 12
+    gripper: str = "panda"
+    protocol: str = "lift-shake-v1"
+    seed: int = 0
+    translation_noise: float = 0.0
+    rotation_noise: float = 0.0
+    estimators: tuple[str, ...] = ESTIMATORS
+
+
+def run_grasp_benchmark(
+    settings: GraspSettings, *, workers: int = 1, progress: Callable[[int, int], None] | None = None
+) -> dict:
+    """Success of the annotated grasps under every estimator, as the contract's JSON document.
+
+    Of a symmetry family the best-ranked member is executed: it is what a robot would do.
+    """
+    unknown = set(settings.estimators) - set(ESTIMATORS)
+    if unknown:
+        raise SettingsError("unknown estimator", key="estimators", value=sorted(unknown), choices=ESTIMATORS)
+    found = [(i.category.name, i.name) for i in instances(list(settings.categories), settings.meshes)]
+    rows: list[dict] = []
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        tasks = [pool.submit(_measure_instance, settings, *names) for names in found]
+        for done, task in enumerate(as_completed(tasks), start=1):
+            rows += task.result()
+            if progress:
+                progress(done, len(tasks))
+    rows.sort(key=lambda row: (row["category"], row["instance"], row["estimator"]))
+    return document("grasp", settings=asdict(settings), rows=rows, summary=_summary(rows, settings))
+
+
+def _measure_instance(settings: GraspSettings, category: str, name: str) -> list[dict]:
+    """One row per estimator."""
+    instance = next(i for i in instances([category], settings.meshes) if i.name == name)
+    gripper = load_gripper(settings.gripper)
+    noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
+    outcomes: dict[str, list[_Outcome]] = defaultdict(list)
+    with Renderer() as renderer:
+        others = tuple(name for name in settings.estimators if name != "gt")
+        estimators = EstimatorSet(renderer, refine_pose=settings.translation_noise > 0).of(instance, others)
+        if "gt" in settings.estimators:
+            estimators["gt"] = TrueFieldEstimator(instance)
+        flows = {
+            key: GraspTransfer(instance.category, gripper=gripper, estimator=estimator)
+            for key, estimator in estimators.items()
+        }
+        for view in range(settings.views):
+            observation, pose = observe_instance(
+                instance, view, views=settings.views, renderer=renderer, noise=noise, seed=settings.seed
+            )
+            for key, flow in flows.items():
+                seen = replace(observation, camera_from_object=pose) if key == "gt" else observation
+                result = flow.grasp(seen, flow.estimator(seen))
+                outcomes[key].append(_execute(result, pose, instance, settings))
+    return [_row(instance, key, views) for key, views in outcomes.items()]
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """One picture: what was executed, best-ranked first, and what became of it."""
+
+    grasps: list[TransferredGrasp]
+    held: list[bool]
+    reasons: list[str]
+
+
+def _execute(
+    result: TransferResult, true_pose: np.ndarray, instance: Instance, settings: GraspSettings
+) -> _Outcome:
+    grasps = _best_of_each_family(result.grasps)
+    # The robot moves to where it believes the grasp is in the camera; the object is at its true pose.
+    true_from_estimated = invert(true_pose) @ result.camera_from_object
+    placed = [replace(g, object_from_gripper=true_from_estimated @ g.object_from_gripper) for g in grasps]
+    trials = simulate(placed, instance.solid, result.gripper, protocol=settings.protocol, seed=settings.seed)
+    reasons = [trial.status.name for trial in trials]
+    return _Outcome(grasps, [reason == "HELD" for reason in reasons], reasons)
+
+
+def _best_of_each_family(grasps: tuple[TransferredGrasp, ...]) -> list[TransferredGrasp]:
+    best: dict[str, TransferredGrasp] = {}
+    for grasp in grasps:  # they come best first
+        best.setdefault(grasp.name.split("/")[0], grasp)
+    return list(best.values())
+
+
+def _row(instance: Instance, estimator: str, views: list[_Outcome]) -> dict:
+    held = [h for view in views for h in view.held]
+    usable = [h for view in views for g, h in zip(view.grasps, view.held, strict=True) if g.usable]
+    # Without a usable grasp the robot does not grasp: that is no success.
+    top = [bool(view.grasps) and view.grasps[0].usable and view.held[0] for view in views]
+    return {
+        "category": instance.category.name,
+        "instance": instance.name,
+        "estimator": estimator,
+        "views": len(views),
+        "grasps": len(held),
+        "success": float(np.mean(held)),
+        "top1": float(np.mean(top)),
+        "usable": len(usable),
+        "usable_held": int(sum(usable)),
+        "reasons": dict(Counter(reason for view in views for reason in view.reasons)),
+    }
+
+
+def _summary(rows: list[dict], settings: GraspSettings) -> dict:
+    summary: dict[str, object] = {"protocol": settings.protocol, "trials": sum(row["grasps"] for row in rows)}
+    for name in settings.estimators:
+        group = [row for row in rows if row["estimator"] == name]
+        usable = sum(row["usable"] for row in group)
+        summary[f"success_{name}"] = float(np.mean([row["success"] for row in group]))
+        summary[f"top1_{name}"] = float(np.mean([row["top1"] for row in group]))
+        summary[f"usable_precision_{name}"] = (
+            sum(row["usable_held"] for row in group) / usable if usable else None
+        )
+    if "rgb" in settings.estimators:
+        summary["usable_precision"] = summary["usable_precision_rgb"]
+        for other in {"rigid", "similarity"} & set(settings.estimators):
+            summary[f"success_gain_over_{other}"] = summary["success_rgb"] - summary[f"success_{other}"]
+        if "gt" in settings.estimators and summary["top1_gt"]:
+            summary["top1_rgb_over_gt"] = summary["top1_rgb"] / summary["top1_gt"]
+    return summary
