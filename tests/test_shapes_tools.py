@@ -24,7 +24,7 @@ OPTIONAL = {
 }
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
 def shape(category: str, seed: int) -> Shape:
     return sample(category, seed)
 
@@ -36,7 +36,7 @@ def part(shape: Shape, name: str):
 @pytest.mark.parametrize("category", CATEGORIES)
 def test_sizes_are_those_of_real_objects(category):
     low, high = REAL_SIZES[category]
-    extents = np.array([np.ptp(shape(category, seed).vertices, axis=0) for seed in range(40)])
+    extents = np.array([np.ptp(shape(category, seed).vertices, axis=0) for seed in range(24)])
     assert (extents > low).all()
     assert (extents < high).all()
 
@@ -194,8 +194,8 @@ def test_liquid_is_drawn_only_in_clear_bottles():
 @pytest.mark.parametrize("category", CATEGORIES)
 def test_some_samples_are_printed_and_some_are_of_one_colour_like_scans(category):
     colours = []
-    for seed in range(30):
+    for seed in range(24):
         pixels = [piece.material.texture[..., :3].reshape(-1, 3) for piece in shape(category, seed).parts]
         colours.append(len(np.unique(np.concatenate(pixels) @ [65536, 256, 1])))
-    assert 0 < sum(count == 1 for count in colours) < 15
-    assert sum(count > 100 for count in colours) > 10
+    assert 0 < sum(count == 1 for count in colours) < 12
+    assert sum(count > 100 for count in colours) > 8

@@ -95,12 +95,10 @@ class DrillFinish:
         trigger = [BLACK, rubber, hsv(0.0, 0.85, 0.75)][rng.choice(3, p=[0.5, 0.35, 0.15])]
         kind = str(rng.choice(["printed", "flat", "scan"], p=[0.68, 0.14, 0.18]))
         names = draw_name(rng).upper(), str(rng.choice(_TYPES))
-        shares = (
-            rng.uniform(0.1, 0.3),
-            rng.choice([0.0, rng.uniform(0.1, 0.42)]),
-            rng.choice([0.0, rng.uniform(0.06, 0.2)]),
-        )
+        nose = rng.uniform(0.1, 0.42) if rng.random() < 0.5 else 0.0
+        bumper = rng.uniform(0.06, 0.2) if rng.random() < 0.5 else 0.0
         wear = rng.uniform(0, 0.8) if rng.random() < 0.5 else 0.0
-        last = int(rng.integers(0, 8)), wear, rng.uniform(0.3, 0.75), int(rng.integers(2**31))
         colours = shell, rubber, contrast(shell, rng), chuck, battery, trigger
-        return cls(kind, *colours, metal, *names, *(float(share) for share in shares), *last)
+        dark = float(rng.uniform(0.1, 0.3)), float(nose), float(bumper)
+        last = int(rng.integers(0, 8)), float(wear), float(rng.uniform(0.3, 0.75)), int(rng.integers(2**31))
+        return cls(kind, *colours, metal, *names, *dark, *last)

@@ -81,6 +81,7 @@ _FAMILIES = {
             "front_size": (0.55, 0.85),
             "clutch_size": (0.6, 0.85),
             "handle_length": (0.085, 0.125),
+            "handle_depth": (0.036, 0.053),
             "foot_flare": (0.014, 0.04),
             "foot_curve": (1.0, 2.2),
             "battery_height": (0.006, 0.016),
@@ -180,7 +181,7 @@ class DrillParameters:
         if rng.random() < 0.12:
             drawn["foot_tilt"] = rng.uniform(-8, 8)
         if rng.random() < 0.1:
-            drawn["pitch"] = rng.uniform(4, 14)
+            drawn["pitch"] = rng.uniform(4, 16)
         drill = replace(cls(), **{name: float(value) for name, value in drawn.items()})
         excess = max(drill.foot_front - drill.chuck_tip + 0.004, 0.0)  # the foot ends behind the chuck
         return replace(
@@ -206,7 +207,7 @@ class DrillParameters:
     def foot_front(self) -> float:
         """How far the foot reaches ahead [m]."""
         spare = self.foot_length - self.handle_depth
-        return self.handle_x(self.foot_height) + self.handle_depth / 2 + self.foot_forward * spare
+        return float(self.handle_x(self.foot_height)) + self.handle_depth / 2 + self.foot_forward * spare
 
     def handle_x(self, z: float | Float[np.ndarray, "*r"]) -> float | Float[np.ndarray, "*r"]:
         """Where the handle's axis runs [m]; x = 0 at the housing's axis."""

@@ -175,7 +175,7 @@ def selector(p: DrillParameters) -> Surface:
     box = rounded_box(
         (0.0075, 0.5 * p.handle_width + 0.0045, 0.0035), radius=0.002, fillet=0.001, corner=3, edge=2, rows=2
     )
-    return box.placed((p.handle_x(z) + 0.12 * p.handle_depth, 0, z))
+    return box.placed((float(p.handle_x(z)) + 0.12 * p.handle_depth, 0, z))
 
 
 def _foot_ends(p: DrillParameters) -> tuple[float, float]:

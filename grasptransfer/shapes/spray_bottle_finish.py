@@ -85,11 +85,11 @@ class SprayBottleFinish:
             belly: height of the part that takes labels, as a share of the body's.
         """
         rng = np.random.default_rng(self.seed)
+        materials: dict[str, Material] = {name: self._plain(name) for name in _PARTS}
         if self.kind == "scan":
             colour = np.full(3, rng.uniform(0.35, 0.9)) if rng.random() < 0.75 else np.array(self.body) / 255
-            materials = dict.fromkeys(_PARTS, Material.plain(tuple(colour), roughness=self.gloss))
-        else:
-            materials = {name: self._plain(name) for name in _PARTS}
+            one = Material.plain(tuple(colour), roughness=self.gloss)
+            materials = {name: one for name in _PARTS}
         if self.kind in ("opaque", "clear"):
             materials["body"] = Material(self._body(size, belly, rng), 0.0, self.gloss)
         clear = 0.3 if max(self.liquid) < 1.15 * min(self.liquid) else 0.5  # water, or something coloured
@@ -109,40 +109,19 @@ class SprayBottleFinish:
             image = gradient(*_SIZE, self.body, shade(self.body, rng.choice([0.7, 1.3])))
         opaque = Image.new("L", _SIZE, round(255 * self.opacity) if self.kind == "clear" else 255)
         low = rng.uniform(0.06, 0.12)
-        high = max(belly * rng.uniform(0.88, 1.0), low + 0.2)
-        if self.labels == "around":
-            _stick(image, opaque, rng, (0.0, low, 1.0, high), around, height)
-        elif self.labels == "shrunk":
-            _stick(image, opaque, rng, (0.0, 0.02, 1.0, min(belly * 1.25, 0.9)), around, height)
-        elif self.labels == "sides":
-            half = rng.uniform(0.1, 0.2)
-            front = _draw_label(rng, 2 * half * around, (high - low) * height)
-            for middle in _SIDES:
-                _stick(image, opaque, rng, (middle - half, low, middle + half, high), around, height, front)
+        high, half = max(belly * rng.uniform(0.88, 1.0), low + 0.2), rng.uniform(0.1, 0.2)
+        regions = {
+            "around": [(start, low, start + 0.5, high) for start in (0.0, 0.5)],
+            "shrunk": [(start, 0.02, start + 0.5, min(belly * 1.25, 0.9)) for start in (0.0, 0.5)],
+            "sides": [(middle - half, low, middle + half, high) for middle in _SIDES],
+            "none": [],
+        }[self.labels]
+        if regions:  # both sides are printed alike
+            u0, v0, u1, v1 = regions[0]
+            printed = label(rng, *patch_size((u1 - u0) * around, (v1 - v0) * height, long_side=224))
+        for region in regions:
+            paste(image, printed, region)
+            paste(opaque, Image.new("L", (8, 8), 255), region)  # it hides what is behind
         worn(image, rng, self.wear)
         pixels = grained(image, rng, 2)
         return np.dstack([pixels, np.asarray(opaque)]) if self.kind == "clear" else pixels
-
-
-def _draw_label(rng: np.random.Generator, width: float, height: float) -> Image.Image:
-    return label(rng, *patch_size(width, height, long_side=224))
-
-
-def _stick(
-    image: Image.Image,
-    opaque: Image.Image,
-    rng: np.random.Generator,
-    region: tuple[float, float, float, float],
-    around: float,
-    height: float,
-    printed: Image.Image | None = None,
-) -> None:
-    """Put a label into a region (u0, v0, u1, v1); it hides what is behind. All around: two halves."""
-    u0, v0, u1, v1 = region
-    if u1 - u0 == 1:
-        printed = _draw_label(rng, around / 2, (v1 - v0) * height)
-        for start in (u0, u0 + 0.5):
-            _stick(image, opaque, rng, (start, v0, start + 0.5, v1), around, height, printed)
-        return
-    paste(image, printed, region)
-    paste(opaque, Image.new("L", (8, 8), 255), region)
