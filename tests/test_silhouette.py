@@ -1,0 +1,79 @@
+"""The outline's residuals on discs whose borders are known."""
+
+import numpy as np
+
+from grasptransfer.camera import Camera
+from grasptransfer.perception.pose_and_shape import Motion, Outline, fit_pose_and_shape
+from grasptransfer.perception.silhouette import Silhouette
+from grasptransfer.perception.views import look_at
+
+CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
+POSE = look_at(0.5, 0.4, 0.3)
+
+
+def _disc(radius: float) -> np.ndarray:
+    """Probability (48, 64) of a disc about the picture's centre; radius in zoomed pixels."""
+    v, u = np.mgrid[0:48, 0:64] * 4 + 1.5
+    return 1 / (1 + np.exp(np.hypot(u - CAMERA.cx, v - CAMERA.cy) - radius))
+
+
+def _ball(radius: float, count: int = 3000) -> np.ndarray:
+    points = np.random.default_rng(0).normal(size=(count, 3))
+    return points * radius / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def _draw_ball(vertices, pose):
+    radius = np.linalg.norm(vertices, axis=1).mean()
+    v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width]
+    # A centred ball is seen as a disc of radius f r / sqrt(d^2 - r^2).
+    seen = CAMERA.fx * radius / np.sqrt(pose[2, 3] ** 2 - radius**2)
+    return (np.hypot(u - CAMERA.cx, v - CAMERA.cy) < seen).astype(float)
+
+
+def test_the_distance_is_positive_inside_and_zero_at_the_border():
+    silhouette = Silhouette(_disc(50.0), CAMERA, _draw_ball)
+    pixels = np.array([[CAMERA.cx, CAMERA.cy], [CAMERA.cx + 50, CAMERA.cy], [CAMERA.cx + 70, CAMERA.cy]])
+    distance, slope, _ = silhouette.residuals(pixels)
+    # The mask's cells are 4 px wide.
+    np.testing.assert_allclose(distance, [50, 0, -20], atol=2)
+    assert slope[1, 0] < -0.9  # it falls outwards
+
+
+def test_far_borders_have_no_weight():
+    silhouette = Silhouette(_disc(30.0), CAMERA, _draw_ball)
+    _, _, weight = silhouette.residuals(np.array([[CAMERA.cx + 31, CAMERA.cy], [CAMERA.cx + 80, CAMERA.cy]]))
+    assert weight[0] > 0
+    assert weight[1] == 0
+
+
+def test_a_mask_without_border_is_not_used():
+    assert not Silhouette(np.zeros((48, 64)), CAMERA, _draw_ball).usable
+    assert not Silhouette(np.ones((48, 64)), CAMERA, _draw_ball).usable
+
+
+def test_a_larger_mask_makes_the_model_grow_to_it():
+    points = _ball(0.05)
+    basis = points[:, :, None] * 0.1  # one standard deviation: 10 % of size
+    wanted = 0.058
+    seen = CAMERA.fx * wanted / np.sqrt(0.5**2 - wanted**2)
+    silhouette = Silhouette(_disc(seen), CAMERA, _draw_ball)
+    few = points[:20]
+    vague = Motion(
+        np.zeros((20, 3)),
+        np.full(20, 10.0),
+        CAMERA.project(few @ POSE[:3, :3].T + POSE[:3, 3]),
+        np.full(20, 1e4),
+    )
+    fit = fit_pose_and_shape(
+        vague,
+        few,
+        (np.zeros((20, 3)), basis[:20]),
+        camera=CAMERA,
+        told_pose=POSE,
+        start_pose=POSE,
+        pose_prior=None,
+        outline=Outline(silhouette, points, np.zeros_like(points), basis),
+    )
+    grown = 0.05 * (1 + 0.1 * fit.latent[0])
+    # The mask's cells are 4 px or 2.5 mm wide; their border is interpolated to a fraction of that.
+    assert abs(grown - wanted) < 0.0015
