@@ -7,13 +7,15 @@ WORKERS ?= 2
 demo: .venv/ready system
 	$(BIN)/grasptransfer demo --out demo_out
 
-test: .venv/ready system lint
+test: .venv/ready system
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 lint: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath .venv/bin/python
 
 # An environment is ready only once every package is in: an interrupted set-up starts again.
 .venv/ready: pyproject.toml constraints.txt

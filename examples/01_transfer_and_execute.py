@@ -15,8 +15,9 @@ FOLDER = objects_folder() / "mug" / "demo"
 
 def main():
     pose = yaml.safe_load((FOLDER / "pose.yaml").read_text())["camera_from_object"]
-    result = gt.transfer_grasps(FOLDER / "picture.png", pose, "mug", camera=gt.Camera.load(FOLDER / "camera.yaml"))
-    print(f"{len(result.usable)} of {len(result.grasps)} grasps are usable; category score {result.category_score:.2f}")
+    camera = gt.Camera.load(FOLDER / "camera.yaml")
+    result = gt.transfer_grasps(FOLDER / "picture.png", pose, "mug", camera=camera)
+    print(f"{len(result.usable)} of {len(result.grasps)} grasps are usable")
     for grasp in result.grasps:
         print(f"  {grasp.name:22s} score {grasp.score:.2f}  {grasp.reason}")
 

@@ -103,7 +103,7 @@ class TransferResult:
     mesh: trimesh.Trimesh
     field: DeformationField
     camera_from_object: Float[np.ndarray, "4 4"]
-    latent: Float[np.ndarray, "k"] | None
+    latent: Float[np.ndarray, k] | None
     latent_covariance: Float[np.ndarray, "k k"] | None
     mask: Bool[np.ndarray, "h w"] | None
     category_score: float

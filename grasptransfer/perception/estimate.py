@@ -24,7 +24,7 @@ class EstimateStatus(enum.Enum):
         """One sentence for the user."""
         return {
             EstimateStatus.OK: "The instance was reconstructed.",
-            EstimateStatus.OUT_OF_CATEGORY: "What is seen does not fit the category: check category and pose.",
+            EstimateStatus.OUT_OF_CATEGORY: "This does not look like the category: check category and pose.",
             EstimateStatus.NOT_CONVERGED: "The fit did not settle: check the pose, or give a mask.",
         }[self]
 
