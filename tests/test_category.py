@@ -166,8 +166,10 @@ def test_a_stray_instance_and_grasps_of_another_model_are_faults(boxes):
     assert "another canonical model" in faults["grasps.yaml"]
 
 
-def test_rewriting_a_category_keeps_its_grasps(boxes):
+def test_rewriting_a_category_keeps_grasps_and_other_files(boxes):
     boxes.grasps_path.write_text("grasps: mine\n")
+    (boxes.folder / "demo").mkdir()
+    (boxes.folder / "demo/picture.jpg").write_bytes(b"picture")
     names = boxes.train + boxes.test
     again = write_category(
         boxes.folder,
@@ -182,6 +184,7 @@ def test_rewriting_a_category_keeps_its_grasps(boxes):
         weights={name: boxes.field(name).weights for name in names},
     )
     assert again.grasps_path.read_text() == "grasps: mine\n"
+    assert (again.folder / "demo/picture.jpg").read_bytes() == b"picture"
     assert again.file.checksums == boxes.file.checksums
     assert [path.name for path in boxes.folder.parent.iterdir()] == ["box"]
 

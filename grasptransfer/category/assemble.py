@@ -12,7 +12,6 @@ from grasptransfer.category.category import (
     CANONICAL,
     FIELDS,
     FIELDS_KIND,
-    GRASPS,
     PREVIEW,
     SHAPE_SPACE,
     Category,
@@ -21,7 +20,7 @@ from grasptransfer.category.category import (
 )
 from grasptransfer.category.files import sha256, write_whole
 from grasptransfer.category.pictures import picture, png, sheet
-from grasptransfer.category.settings import CategoryFile, Settings, Split, software_versions
+from grasptransfer.category.settings import FILE_NAME, CategoryFile, Settings, Split, software_versions
 from grasptransfer.registration import ShapeSpace
 from grasptransfer.registration.storage import save_arrays
 
@@ -41,7 +40,7 @@ def write_category(
     shape_space: ShapeSpace,
     weights: dict[str, Float[np.ndarray, "n 3"]],
 ) -> Category:
-    """Write a category folder beside its place, then move it there; an older one's grasps are kept.
+    """Write a category folder beside its place, then move it there; what else an older one held is kept.
 
     Args:
         canonical_glb, instance_glbs: glTF 2.0 binaries in the category's frame, instances by name.
@@ -68,12 +67,23 @@ def write_category(
             checksums={path.relative_to(staging).as_posix(): sha256(path) for path in paths},
             versions=software_versions(),
         ).save(staging)
-        if (folder / GRASPS).is_file():
-            shutil.copyfile(folder / GRASPS, staging / GRASPS)
+        _keep_others(folder, staging)
         _put_in_place(staging, folder)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     return load_category(folder)
+
+
+def _keep_others(folder: Path, staging: Path) -> None:
+    """Grasps, and whatever else lies in the older folder and was not written with it."""
+    if not folder.is_dir():
+        return
+    known = set(CategoryFile.load(folder).checksums) if (folder / FILE_NAME).is_file() else set()
+    for path in sorted(folder.rglob("*")):
+        relative = path.relative_to(folder)
+        if path.is_file() and relative.as_posix() not in known | {FILE_NAME}:
+            (staging / relative).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, staging / relative)
 
 
 def _put_in_place(staging: Path, folder: Path) -> None:

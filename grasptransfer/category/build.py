@@ -202,7 +202,10 @@ def _register(workshop, prepared: dict[str, Arrays], canonical: str, control, op
         "lam": options.lam,
         "outlier_weight": options.outlier_weight,
     }
-    given = {one: {**shared, "instance": arrays["points"]} for one, arrays in prepared.items()}
+    given = {
+        one: {**shared, "instance": arrays["points"], "is_canonical": one == canonical}
+        for one, arrays in prepared.items()
+    }
     return workshop.map("register", register_instance, given)
 
 

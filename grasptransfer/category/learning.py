@@ -1,5 +1,6 @@
 """From registered instances to a shape space: how many modes, and what they leave of an unseen instance."""
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,8 @@ from grasptransfer.registration import DeformationField, ShapeSpace
 
 FEWEST = 3  # instances behind a shape space
 TRIED_MODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30)
-TOLERANCE = 1.05  # fewest modes within 5 % of the least leave-one-out error
+TOLERANCE = 1.05  # fewest modes within 5 % of the least leave-one-out error,
+NEGLIGIBLE = 0.01  # not counting 1 % of the error without any mode
 
 
 @dataclass(frozen=True)
@@ -68,8 +70,7 @@ def leave_one_out(
     for index in range(len(weights)):
         space = fit_space(np.delete(weights, index, axis=0), field, n_modes=n_modes, metric=metric)
         found = space.field(space.encode(weights[index]))
-        own = space.field()
-        own = DeformationField(own.control_points, weights[index], own.beta, own.centre, own.scale)
+        own = dataclasses.replace(space.field(), weights=weights[index])
         points = own.control_points
         rms.append(np.sqrt(np.square(own(points) - found(points)).sum(1).mean()))
         fields.append(found)
@@ -77,11 +78,15 @@ def leave_one_out(
 
 
 def choose_modes(weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, metric: str) -> int:
-    """The fewest modes that leave an unseen instance within 5 % of the least error."""
+    """The fewest modes that explain an unseen instance nearly as well as any number does."""
     most = len(weights) - 2
     tried = [modes for modes in TRIED_MODES if modes <= most] or [1]
     errors = [leave_one_out(weights, field, n_modes=modes, metric=metric).overall for modes in tried]
-    return next(modes for modes, error in zip(tried, errors, strict=True) if error <= TOLERANCE * min(errors))
+    deviations = weights - weights.mean(0)
+    moved = [dataclasses.replace(field, weights=one).displacement(field.control_points) for one in deviations]
+    without = float(np.sqrt(np.square(moved).sum(-1).mean()))
+    enough = TOLERANCE * min(errors) + NEGLIGIBLE * without
+    return next(modes for modes, error in zip(tried, errors, strict=True) if error <= enough)
 
 
 def fit_space(

@@ -19,7 +19,7 @@ from grasptransfer.category.learning import (
 )
 from grasptransfer.category.sources import prepare
 from grasptransfer.category.workshop import Arrays
-from grasptransfer.registration import DeformationField, cpd
+from grasptransfer.registration import DeformationField, PreparedSource, cpd
 
 DENSE_POINTS = 4000  # of an instance, to measure distances by
 TARGET_POINTS = 1000  # of an instance, to register to
@@ -52,8 +52,9 @@ def compare_candidate(
         others: their points one after the other, each from `starts[i]` to `starts[i + 1]` [m].
     """
     chamfer, bend = [], []
+    source = PreparedSource(candidate, beta=beta)
     for first, last in pairwise(starts):
-        field = cpd(candidate, others[first:last], beta=beta, lam=lam).field
+        field = cpd(source, others[first:last], lam=lam, threads=1).field
         chamfer.append(Distances.between(field(candidate), others[first:last]).chamfer)
         moved = field.displacement(candidate)
         bend.append(np.sqrt(np.square(moved).sum(1).mean()))
@@ -67,16 +68,20 @@ def register_instance(
     beta: float,
     lam: float,
     outlier_weight: float,
+    is_canonical: bool,
 ) -> Arrays:
-    """CPD from the canonical model to one instance.
+    """CPD from the canonical model to one instance; to itself it is known to be the identity.
 
     Args:
         control_points: (n, 3) of the canonical model [m].
         model, instance: (m, 3) dense points to measure by [m].
     """
-    target = thinned(instance, TARGET_POINTS)
-    result = cpd(control_points, target, beta=beta, lam=lam, outlier_weight=outlier_weight)
-    field = result.field
+    if is_canonical:
+        field, status = DeformationField.identity(control_points, beta=beta), "IDENTITY"
+    else:
+        target = thinned(instance, TARGET_POINTS)
+        result = cpd(control_points, target, beta=beta, lam=lam, outlier_weight=outlier_weight, threads=1)
+        field, status = result.field, result.status.name
     before, after = Distances.between(model, instance), Distances.between(field(model), instance)
     return {
         "weights": field.weights,
@@ -84,8 +89,7 @@ def register_instance(
         "scale": np.array(field.scale),
         "before": np.array([before.error, before.rms, before.chamfer]),
         "after": np.array([after.error, after.rms, after.chamfer]),
-        "status": np.array(result.status.name),
-        "iterations": np.array(result.iterations),
+        "status": np.array(status),
     }
 
 

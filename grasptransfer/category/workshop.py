@@ -20,6 +20,7 @@ from threading import Thread
 import numpy as np
 
 from grasptransfer.category.files import write_whole
+from grasptransfer.category.settings import software_versions
 
 Arrays = dict[str, np.ndarray]
 ONE_THREAD = (
@@ -59,6 +60,7 @@ class Workshop:
     def __init__(self, folder: Path, *, workers: int, progress: Callable[[Progress], None]):
         self.folder, self.workers, self.progress = folder, workers, progress
         self._pool: ProcessPoolExecutor | None = None
+        self._versions = sorted(software_versions().items())
 
     def __enter__(self) -> "Workshop":
         return self
@@ -106,7 +108,7 @@ class Workshop:
             return self._pool.submit(_run, task, path, given)
 
     def _path(self, step: str, task, name: str, given: dict) -> Path:
-        digest = hashlib.sha256(f"{task.__module__}.{task.__qualname__} {name}".encode())
+        digest = hashlib.sha256(f"{task.__module__}.{task.__qualname__} {name} {self._versions}".encode())
         for key in sorted(given):
             digest.update(key.encode())
             _feed(digest, given[key])

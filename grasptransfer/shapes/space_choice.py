@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from grasptransfer.registration import DeformationField, ShapeSpace
 from grasptransfer.registration.kernels import gaussian
 
-BETAS = (0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0)
+BETAS = (0.3, 0.4, 0.5, 0.7, 1.0)  # 1.5 and 2 left two to five times the error in every category
 REGULARISATIONS = (0.01, 0.03, 0.1, 0.3)
 MOST_MODES = 40
 MODES = (8, 10, 12, 15, 20, 25, 30)

@@ -1,0 +1,165 @@
+"""The page of a built category: canonical model, every registration, the modes of its shape space."""
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from grasptransfer.category.category import Category
+from grasptransfer.category.files import write_whole
+from grasptransfer.category.outcome import CategoryBuild, Registration
+from grasptransfer.category.pictures import picture, scatter
+from grasptransfer.report.html_parts import facts, figure, jpeg_uri, pill, section, table
+
+SIDE = 190  # px of a picture
+INSTANCE, MODEL = (28, 120, 150), (222, 98, 40)
+MODES_SHOWN, STEPS = 5, (-2.0, -1.0, 0.0, 1.0, 2.0)
+SCATTERED = 900  # points of a cloud that are drawn
+_STYLE = """
+.tiles { display: grid; gap: 8px; margin: 12px 0 0; }
+.tiles.four { grid-template-columns: repeat(4, minmax(0, 1fr)); }
+.tiles.five { grid-template-columns: repeat(5, minmax(0, 1fr)); }
+.instance { border-top: 1px solid var(--line); padding: 14px 0; }
+.instance h3 { margin: 0; font-size: 15px; }
+.warning { color: var(--bad); margin: 4px 0 0; }
+"""
+
+
+def category_page(build: CategoryBuild, path: str | Path) -> Path:
+    """Write the page of `build` as one self-contained HTML file.
+
+    Args:
+        build: of `category.build.build_category`.
+        path: of the file.
+    """
+    path = Path(path)
+    category = build.category
+    style = (Path(__file__).with_name("page.css")).read_text(encoding="utf-8") + _STYLE
+    title = f"Category {escape(category.name)}"
+    parts = [_head(build), _candidates(build), _registrations(build), _modes(category)]
+    page = (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head>'
+        f"<body><main>{''.join(parts)}</main></body></html>"
+    )
+    write_whole(path, page.encode())
+    return path
+
+
+def _head(build: CategoryBuild) -> str:
+    category, settings = build.category, build.category.settings
+    measured = category.file.measured
+    values = [
+        ("canonical model", escape(build.canonical)),
+        ("instances", f"{len(category.train)} train, {len(category.test)} test"),
+        ("kernel", f"beta {settings.beta:g}, lambda {settings.lam:g}"),
+        ("control points", str(settings.control_points)),
+        ("modes", f"{settings.modes}: {100 * measured['explained_variance']:.1f} % of the variance"),
+        ("leave one out", f"{measured['leave_one_out_rms_mm']:.2f} mm RMS"),
+        ("built in", f"{build.seconds:.0f} s"),
+    ]
+    warnings = "".join(f'<p class="warning">{escape(text)}</p>' for text in build.warnings)
+    return f"<header><h1>Category {escape(category.name)}</h1>{facts(values)}{warnings}</header>"
+
+
+def _candidates(build: CategoryBuild) -> str:
+    if not build.candidates:
+        return section("Canonical model", f"<b>{escape(build.canonical)}</b> was given.", "")
+    heads = [("candidate", False), ("left mm", True), ("worst mm", True), ("moved mm", True), ("", False)]
+    rows = [
+        (
+            escape(one.name),
+            f"{1000 * one.chamfer:.2f}",
+            f"{1000 * one.worst:.2f}",
+            f"{1000 * one.moved:.1f}",
+            pill("taken", "good") if one.name == build.canonical else "",
+        )
+        for one in build.candidates
+    ]
+    lead = (
+        "Every train instance was registered to every other. <i>Left</i> is the chamfer distance that "
+        "remains, averaged over the others; <i>moved</i> is how far points had to travel."
+    )
+    return section("Canonical model", lead, table(heads, rows))
+
+
+def _registrations(build: CategoryBuild) -> str:
+    canonical = build.category.canonical
+    body = "".join(_registration(build.category, canonical, one) for one in build.registrations)
+    lead = (
+        "Each instance; the canonical model deformed to it; and the points of both "
+        f"(<span style='color: rgb{INSTANCE}'>instance</span>, <span style='color: rgb{MODEL}'>canonical "
+        "model</span>) before and after registration. E is the mean squared distance from the instance's "
+        "points to the model's, in 1e-6 m<sup>2</sup>."
+    )
+    return section("Registrations", lead, body)
+
+
+def _registration(category: Category, canonical: trimesh.Trimesh, one: Registration) -> str:
+    field = category.field(one.name)
+    model = category.shape_space.control_points
+    extent = float(np.linalg.norm(np.maximum(one.extents, canonical.extents)))
+    few = one.points[:: max(1, len(one.points) // SCATTERED)]
+    tiles = [
+        (picture(category.instance_scene(one.name), SIDE, extent=extent), "instance"),
+        (
+            picture(_deformed(canonical, field(canonical.vertices)), SIDE, extent=extent),
+            "canonical, deformed",
+        ),
+        (
+            scatter([(few, INSTANCE), (model, MODEL)], SIDE, extent=extent),
+            f"before: E {_e(one.before.error)}",
+        ),
+        (
+            scatter([(few, INSTANCE), (field(model), MODEL)], SIDE, extent=extent),
+            f"after: E {_e(one.after.error)}, chamfer {1000 * one.after.chamfer:.2f} mm",
+        ),
+    ]
+    size = " x ".join(f"{1000 * side:.0f}" for side in one.extents)
+    words = [f"{size} mm", f"{one.faces} faces" if not one.is_cloud else "cloud", *one.notes]
+    if one.left_out_rms is not None:
+        words.append(f"left out: {1000 * one.left_out_rms:.2f} mm RMS, E {_e(one.left_out_error or 0.0)}")
+    marks = pill("test", "neutral") if one.test else ""
+    if one.status != "CONVERGED":
+        marks += pill(one.status.lower().replace("_", " "), "neutral")
+    warnings = "".join(f'<p class="warning">{escape(text)}</p>' for text in one.warnings)
+    return (
+        f'<div class="instance"><h3>{escape(one.name)} {marks}</h3>'
+        f'<p class="lead">{escape("; ".join(words))}</p>{warnings}{_tiles(tiles, "four", one.name)}</div>'
+    )
+
+
+def _modes(category: Category) -> str:
+    space, canonical = category.shape_space, category.canonical
+    body = ""
+    for mode in range(min(MODES_SHOWN, space.n_modes)):
+        shapes = []
+        for step in STEPS:
+            latent = np.zeros(space.n_modes)
+            latent[mode] = step
+            shapes.append(_deformed(canonical, space.field(latent)(canonical.vertices)))
+        extent = max(float(np.linalg.norm(shape.extents)) for shape in shapes)
+        tiles = [
+            (picture(shape, SIDE, extent=extent), f"{step:+g} sd" if step else "mean")
+            for shape, step in zip(shapes, STEPS, strict=True)
+        ]
+        body += f"<h3>Mode {mode + 1}</h3>{_tiles(tiles, 'five', f'mode {mode + 1}')}"
+    return section("Shape space", "Its first modes, in standard deviations from the mean shape.", body)
+
+
+def _tiles(tiles, columns: str, name: str) -> str:
+    figures = "".join(
+        figure(jpeg_uri(image), escape(caption), alt=f"{name}: {caption}") for image, caption in tiles
+    )
+    return f'<div class="tiles {columns}">{figures}</div>'
+
+
+def _deformed(mesh: trimesh.Trimesh, vertices) -> trimesh.Trimesh:
+    moved = trimesh.Trimesh(vertices, mesh.faces, process=False)
+    moved.visual = mesh.visual.copy()
+    return moved
+
+
+def _e(error: float) -> str:
+    return f"{1e6 * error:.1f}"
