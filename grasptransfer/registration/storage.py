@@ -17,7 +17,8 @@ def save_arrays(path: str | Path, kind: str, arrays: dict[str, np.ndarray]):
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    # Not ascontiguousarray, which makes a number an array of one.
+    arrays = {name: np.asarray(array, order="C") for name, array in arrays.items()}
     try:
         with unfinished.open("wb") as file:
             np.savez_compressed(
