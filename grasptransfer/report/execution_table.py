@@ -57,7 +57,7 @@ def run_simulation(
         protocol=protocol,
         trials=trials,
         workers=workers,
-        results=results,
+        results_path=results,
         seed=seed,
     )
     return execution_table(outcomes), sum(outcome.held for outcome in outcomes)

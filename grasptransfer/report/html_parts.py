@@ -26,7 +26,8 @@ def gif_uri(frames: Sequence[Picture], *, seconds_per_frame: float, hold_last: f
     """Frames as an endless GIF data URI; the last one stays for a while."""
     pictures = [Image.fromarray(frame) for frame in frames]
     # One palette for all frames: otherwise plain grounds flicker.
-    palette = pictures[len(pictures) // 2].quantize(GIF_COLOURS)
+    some = np.concatenate([frames[i] for i in np.linspace(0, len(frames) - 1, 4).round().astype(int)])
+    palette = Image.fromarray(some).quantize(GIF_COLOURS)
     first, *rest = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     durations = [max(20, round(1000 * seconds_per_frame))] * len(pictures)
     durations[-1] += round(1000 * hold_last)

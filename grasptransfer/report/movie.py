@@ -13,12 +13,10 @@ from grasptransfer.report.grasp_pictures import HAND, OBJECT, OBSTACLE, REFUSED,
 from grasptransfer.report.studio import (
     GROUND,
     LIGHTING,
-    SUPERSAMPLING,
     Studio,
     View,
     framed,
     painted,
-    smaller,
 )
 
 if TYPE_CHECKING:
@@ -64,11 +62,10 @@ def movie(
         parts.append(painted(trimesh.creation.box(TABLE), OBSTACLE))
         below = rigid(np.eye(3), np.array([0, 0, recording.table_height - TABLE[2] / 2]))
         poses.append(np.broadcast_to(below, (len(moments), 4, 4)))
-    fine = view.finer(SUPERSAMPLING)
     drawn = studio.renderer.animate(
-        parts, fine.camera, fine.camera_from_object, np.stack(poses, 1), ground=GROUND, lighting=LIGHTING
+        parts, view.camera, view.camera_from_object, np.stack(poses, 1), ground=GROUND, lighting=LIGHTING
     )
-    return [smaller(frame, SUPERSAMPLING) for frame in drawn]
+    return [np.array(frame) for frame in drawn]
 
 
 def seconds_per_frame(trial: "TrialResult") -> float:

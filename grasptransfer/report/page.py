@@ -114,10 +114,10 @@ def _summary(result: "TransferResult", trials: Sequence) -> str:
         ("shape", pill(result.status.value.replace("_", " "), "good" if fits else "bad")),
         ("fits the category", f"{result.category_score:.0%}"),
         ("gripper", escape(result.gripper.name)),
-        ("pose moved by", _pose_change(result)),
+        ("pose refined by", _pose_change(result)),
     ]
     if "total" in result.timings:
-        pairs.append(("time", f"{result.timings['total'] * 1e3:.0f} ms"))
+        pairs.append(("time", _duration(result.timings["total"])))
     if trials:
         held = sum(trial.held for trial in trials)
         pairs.append(("held in PyBullet", pill(f"{held} of {len(trials)}", "good" if held else "bad")))
@@ -249,10 +249,14 @@ def _timings(result: "TransferResult") -> str:
     rows = "".join(
         f"<tr{' class=total' if stage in SUMS else ''}><td>{escape(STAGES.get(stage, stage))}</td>"
         f'<td class="track"><i style="width: {100 * result.timings[stage] / longest:.1f}%"></i></td>'
-        f'<td class="number">{1e3 * result.timings[stage]:.1f} ms</td></tr>'
+        f'<td class="number">{_duration(result.timings[stage])}</td></tr>'
         for stage in stages
     )
     return section("Time", "Of this transfer, without loading models.", f'<table class="bars">{rows}</table>')
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.0f} ms"
 
 
 def _footer() -> str:

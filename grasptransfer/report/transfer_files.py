@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 REPORT = "report.html"
 PROTOCOL = "lift-shake-v1"
-EXECUTED = 5  # best usable grasps, one of each symmetry family
+EXECUTED = 5  # usable grasps, the best of each label
 FRAMES_PER_SECOND = 10.0
 LARGEST_EXTENT = 3.0  # m; a mesh beyond it was given in millimetres
 Stage = Callable[[str], None]
@@ -105,7 +105,7 @@ def execute_best(
     most: int = EXECUTED,
     seed: int = 0,
 ) -> "tuple[TrialResult, ...]":
-    """Execute the best usable grasp of each symmetry family in PyBullet.
+    """Execute the best usable grasp of each label in PyBullet.
 
     The robot goes to where it believes the grasp is, seen from the camera; the mesh stands where it
     really is. So errors of shape and of pose both count.
@@ -120,22 +120,20 @@ def execute_best(
     mesh_from_camera = invert(camera_from_mesh)
     placed = [
         replace(grasp, object_from_gripper=mesh_from_camera @ grasp.camera_from_gripper)
-        for grasp in best_of_each_family(result.usable)[:most]
+        for grasp in best_of_each_label(result.usable)[:most]
     ]
     if not placed:
         return ()
     return tuple(
-        simulate(
-            placed, mesh, result.gripper, protocol=PROTOCOL, seed=seed, frames_per_second=FRAMES_PER_SECOND
-        )
+        simulate(placed, mesh, result.gripper, protocol=PROTOCOL, seed=seed, frames=FRAMES_PER_SECOND)
     )
 
 
-def best_of_each_family(grasps: Sequence[TransferredGrasp]) -> list[TransferredGrasp]:
-    """The first of each symmetry family, in order: turned ones are named `name/30deg`."""
+def best_of_each_label(grasps: Sequence[TransferredGrasp]) -> list[TransferredGrasp]:
+    """The first grasp of each label, in order: one at the rim, one at the handle, ..."""
     best: dict[str, TransferredGrasp] = {}
     for grasp in grasps:
-        best.setdefault(grasp.name.split("/")[0], grasp)
+        best.setdefault(grasp.label, grasp)
     return list(best.values())
 
 
