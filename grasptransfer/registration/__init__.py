@@ -4,6 +4,8 @@ from grasptransfer.registration.cpd import cpd, cpd_all
 from grasptransfer.registration.cpd_input import PreparedSource
 from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdStatus
 from grasptransfer.registration.field import DeformationField, FieldPair, register_pair
+from grasptransfer.registration.fit_residuals import PosePrior
+from grasptransfer.registration.latent_fit import LatentFit, LatentFitStatus, latent_fit
 from grasptransfer.registration.shape_space import LatentPosterior, ShapeSpace, SpaceScore
 
 __all__ = [
@@ -12,11 +14,15 @@ __all__ = [
     "CpdStatus",
     "DeformationField",
     "FieldPair",
+    "LatentFit",
+    "LatentFitStatus",
     "LatentPosterior",
+    "PosePrior",
     "PreparedSource",
     "ShapeSpace",
     "SpaceScore",
     "cpd",
     "cpd_all",
+    "latent_fit",
     "register_pair",
 ]

@@ -24,6 +24,7 @@ from jaxtyping import Float, Shaped
 
 from grasptransfer.errors import NotSucceeded
 from grasptransfer.registration.alignment import align, apply_affine
+from grasptransfer.registration.blas_threads import single_blas_thread
 from grasptransfer.registration.cpd_input import (
     Correspondences,
     Options,
@@ -35,6 +36,7 @@ from grasptransfer.registration.cpd_input import (
 from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdStatus
 from grasptransfer.registration.expectation import NO_OUTLIERS, EStep, Expectation
 from grasptransfer.registration.field import DeformationField
+from grasptransfer.registration.kernels import weighted_ridge
 
 VARIANCE_FLOOR = 1e-8  # normalised: sigma of 1e-4 of the RMS radius, where float32 distances end
 
@@ -99,10 +101,13 @@ def cpd(
     seen = source.normaliser(apply_affine(np.linalg.inv(target_from_source), target))
     known = check_correspondences(correspondences, correspondence_std, source, seen)
     traits = check_traits(source_traits, target_traits, trait_std, source, seen)
-    with EStep(seen, source.count, traits=traits, backend=backend, threads=threads) as expect:
+    with (
+        single_blas_thread(),
+        EStep(seen, source.count, traits=traits, backend=backend, threads=threads) as expect,
+    ):
         run = _Run(source, seen, known, options, expect)
         status = run.iterate(callback)
-    result = run.result(status, target_from_source)
+        result = run.result(status, target_from_source)
     if strict and status is CpdStatus.ITERATION_LIMIT:
         raise NotSucceeded(status.advice, key="max_iterations", value=max_iterations)
     return result
@@ -139,7 +144,7 @@ class _Run:
         self.variance = _mean_squared_distance(self.moved, target) / 3
         self.outlier_weight = options.first_outlier_weight
         self.objective_history: list[float] = []
-        self._weighted_factor = np.empty_like(source.factor)
+        self._scratch = np.empty_like(source.factor)
 
     def iterate(self, callback) -> CpdStatus:
         for _ in range(self.options.max_iterations):
@@ -160,10 +165,13 @@ class _Run:
         support, factor = expectation.support, self.source.factor
         pull = expectation.moment - support[:, None] * self.source.normalised
         known_support, known_pull = self.known.terms(self.variance)
-        np.multiply(factor, (support + known_support)[:, None], out=self._weighted_factor)
-        normal = factor.T @ self._weighted_factor
-        normal[np.diag_indices_from(normal)] += self.options.lam * self.variance
-        self.coefficients = np.linalg.solve(normal, factor.T @ (pull + known_pull))
+        self.coefficients = weighted_ridge(
+            factor,
+            support + known_support,
+            self.options.lam * self.variance,
+            pull + known_pull,
+            scratch=self._scratch,
+        )
         before, self.moved = self.moved, self.source.normalised + factor @ self.coefficients
         step = self.moved - before
         # Sum of P |x - T|^2, from its value before the step: no large terms cancel.

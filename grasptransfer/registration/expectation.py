@@ -88,6 +88,8 @@ class EStep:
             threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else threads or 1
         )
         self._pieces = max(1, min(threads, source_count * len(target) // FEWEST_PAIRS))
+        self._nearest = np.full(len(target), 3e38, np.float32)  # upper bounds, squared
+        self._before: Float[np.ndarray, "n 3"] | None = None
         self._pool = ThreadPoolExecutor(self._pieces - 1) if self._pieces > 1 else None
 
     def __enter__(self) -> "EStep":
@@ -104,6 +106,7 @@ class EStep:
         moved = moved.astype(np.float32)
         boxes = np.minimum.reduceat(moved, self._starts).T, np.maximum.reduceat(moved, self._starts).T
         boxes = tuple(np.ascontiguousarray(corner) for corner in boxes)
+        self._follow(moved)
         arguments = (moved, boxes, variance, log_outlier)
         groups = -(-self._target.shape[1] // GROUP)
         cuts = [min(GROUP * (groups * i // self._pieces), self._target.shape[1]) for i in range(self._pieces)]
@@ -115,6 +118,14 @@ class EStep:
         unordered = np.empty_like(inlier)
         unordered[self._order] = inlier
         return Expectation(support, moment, unordered, squared, likelihood)
+
+    def _follow(self, moved: Float[np.ndarray, "n 3"]):
+        """Keep the bounds of the nearest distances true after the source points moved."""
+        if self._before is not None:
+            farthest = np.sqrt(np.square(moved - self._before).sum(1).max())
+            # Rounding: float32 coordinates of a few units are good to 1e-6.
+            self._nearest = np.square(np.sqrt(self._nearest) + farthest + np.float32(1e-6))
+        self._before = moved
 
     def _reach(self, variance: float) -> float:
         return 2 * variance * (CUTOFF + self._worst_traits * np.log(2))
@@ -128,7 +139,18 @@ class EStep:
         sums = np.zeros(4 * len(padded), np.float32)
         reach = np.float32(self._reach(variance))
         squared, likelihood = expect(
-            self._target, first, last, flat, *boxes, *self._traits, variance, reach, log_outlier, sums, inlier
+            self._target,
+            first,
+            last,
+            flat,
+            *boxes,
+            *self._traits,
+            variance,
+            reach,
+            log_outlier,
+            sums,
+            inlier,
+            self._nearest,
         )
         sums = sums.reshape(-1, 4, BLOCK).transpose(0, 2, 1).reshape(-1, 4)[:count].astype(float)
         return sums[:, 0], sums[:, 1:], squared, likelihood
@@ -139,18 +161,20 @@ class EStep:
         for start in range(first, last, CHUNK):
             chunk = slice(start, min(start + CHUNK, last))
             points = self._target[:, chunk]
-            near = self._near(points, boxes, self._reach(variance), len(moved))
+            bound = self._nearest[chunk].max()
+            near = self._near(points, boxes, bound, self._reach(variance), len(moved))
             distance = _squared_distances(points, moved[near])
             cost = distance
             if len(self._traits[0]):
                 unlike = self._traits[0][:, chunk, None] - self._traits[1][:, None, : len(moved)][:, :, near]
                 cost = distance + np.float32(2 * np.log(2) * variance) * np.square(unlike).sum(0)
-            nearest = cost.min(1)
-            power = (nearest[:, None] - cost) * np.float32(0.5 / variance)
+            self._nearest[chunk] = distance.min(1)
+            least = cost.min(1)
+            power = (least[:, None] - cost) * np.float32(0.5 / variance)
             np.maximum(power, -LARGEST_EXPONENT, out=power)
             np.exp(power, out=power)
             total = power.sum(1)
-            log_inlier = np.log(total.astype(float)) - 0.5 * nearest / variance
+            log_inlier = np.log(total.astype(float)) - 0.5 * least / variance
             log_all = np.logaddexp(log_inlier, log_outlier)
             inlier[chunk] = np.exp(log_inlier - log_all)
             share = inlier[chunk] / total
@@ -160,12 +184,12 @@ class EStep:
             sums[near] += (weighted.astype(np.float32) @ power).T
         return sums[:, 0], sums[:, 1:], squared, likelihood
 
-    def _near(self, points, boxes, reach, count):
+    def _near(self, points, boxes, bound, reach, count):
         """Source points that matter to these targets (`_near_blocks` of the compiled kernel)."""
         low, high = points.min(1)[:, None], points.max(1)[:, None]
         gap = np.maximum(np.maximum(boxes[0] - high, low - boxes[1]), 0)
         span = np.maximum(boxes[1] - low, high - boxes[0])
-        close = np.square(gap).sum(0) <= np.square(span).sum(0).min() + reach
+        close = np.square(gap).sum(0) <= min(np.square(span).sum(0).min(), bound) + reach
         return slice(None) if close.all() else np.flatnonzero(np.repeat(close, BLOCK)[:count])
 
     def _ordered_traits(self, traits: Traits | None):

@@ -44,17 +44,26 @@ def _power_of_two(x):
     return value * _float_of_bits(np.int32((whole + np.int32(127)) << np.int32(23)))
 
 
+@njit(inline="always")
+def _least(values):
+    """Minimum of numbers that are not NaN; `values.min()` looks for NaN, one by one."""
+    least = np.float32(3e38)
+    for i in range(len(values)):
+        least = min(least, values[i])
+    return least
+
+
 @njit(nogil=True, cache=True, fastmath=RELAXED, error_model="numpy")
-def _near_blocks(targets, low, high, reach, near, closest):
+def _near_blocks(targets, low, high, bound, reach, near, closest):
     """Write the indices of the source boxes that matter to these (3, g) targets; return their count.
 
     A box is skipped when each of its points is farther from each target than the nearest source
-    point is, by `reach` in squared distance.
+    point is, by `reach` in squared distance. No target has its nearest beyond `bound` (squared).
     """
-    x_low, y_low, z_low = targets[0].min(), targets[1].min(), targets[2].min()
-    x_high, y_high, z_high = targets[0].max(), targets[1].max(), targets[2].max()
+    x_low, y_low, z_low = _least(targets[0]), _least(targets[1]), _least(targets[2])
+    x_high, y_high, z_high = -_least(-targets[0]), -_least(-targets[1]), -_least(-targets[2])
     xs, ys, zs, xe, ye, ze = low[0], low[1], low[2], high[0], high[1], high[2]
-    limit, zero = np.float32(3e38), np.float32(0.0)
+    limit, zero = bound, np.float32(0.0)
     for block in range(len(xs)):
         x_gap = max(xs[block] - x_high, x_low - xe[block], zero)
         y_gap = max(ys[block] - y_high, y_low - ye[block], zero)
@@ -73,7 +82,20 @@ def _near_blocks(targets, low, high, reach, near, closest):
 
 @njit(nogil=True, cache=True, fastmath=RELAXED, error_model="numpy")
 def expect(
-    targets, first, last, moved, low, high, traits, moved_traits, variance, reach, log_outlier, sums, inlier
+    targets,
+    first,
+    last,
+    moved,
+    low,
+    high,
+    traits,
+    moved_traits,
+    variance,
+    reach,
+    log_outlier,
+    sums,
+    inlier,
+    nearest,
 ):
     """Responsibilities of targets [first, last), summed up as the M-step needs them.
 
@@ -88,6 +110,8 @@ def expect(
         log_outlier: log of the outlier term beside the sum of exponentials.
         sums: (4 n,) float32, box by box: P 1, then P X; added to.
         inlier: (m,) P^T 1, written.
+        nearest: (m,) float32 upper bounds of the squared distance to the nearest source point; the
+            distance itself is written.
 
     Returns:
         sum of P times squared distance; sum of log(sum of exponentials + outlier term).
@@ -100,13 +124,15 @@ def expect(
     squared, likelihood = 0.0, 0.0
     for start in range(first, last, GROUP):
         count = min(GROUP, last - start)
-        found = _near_blocks(targets[:, start : start + count], low, high, reach, near, closest)
+        bound = -_least(-nearest[start : start + count])
+        found = _near_blocks(targets[:, start : start + count], low, high, bound, reach, near, closest)
         share[count:] = 0.0
         for j in range(count):
             row, distance = value[j, : found * BLOCK], distances[: found * BLOCK]
             _measure(
                 distance, moved, near, targets[0, start + j], targets[1, start + j], targets[2, start + j]
             )
+            nearest[start + j] = least = _least(distance)
             cost = distance
             if len(traits):
                 cost = costs[: found * BLOCK]
@@ -115,14 +141,14 @@ def expect(
                     _compare(
                         cost, moved_traits[trait], near, traits[trait, start + j], np.float32(-1.0) / factor
                     )
-            nearest = cost.min()
+                least = _least(cost)
             total, weighted = np.float32(0.0), np.float32(0.0)
             for i in range(len(row)):
-                power = _power_of_two(max((cost[i] - nearest) * factor, np.float32(-126.0)))
+                power = _power_of_two(max((cost[i] - least) * factor, np.float32(-126.0)))
                 row[i] = power
                 total += power
                 weighted += power * distance[i]
-            log_inlier = np.log(total) - 0.5 * nearest / variance
+            log_inlier = np.log(total) - 0.5 * least / variance
             larger, smaller = max(log_inlier, log_outlier), min(log_inlier, log_outlier)
             log_all = larger + np.log1p(np.exp(smaller - larger))
             belongs = np.exp(log_inlier - log_all)

@@ -94,6 +94,32 @@ def pivoted_cholesky(
     return LowRankKernel(np.ascontiguousarray(rows[: len(pivots)].T), np.array(pivots, dtype=int))
 
 
+def weighted_ridge(
+    factor: Float[np.ndarray, "n r"],
+    weights: Float[np.ndarray, "n"],
+    damping: float,
+    right: Float[np.ndarray, "n c"],
+    *,
+    scratch: Float[np.ndarray, "n r"],
+) -> Float[np.ndarray, "r c"]:
+    """Solve (L^T diag(weights) L + damping I) c = L^T right, by Cholesky.
+
+    Args:
+        weights: at least 0.
+        scratch: overwritten; fresh memory of this size would cost as much as the product.
+    """
+    from scipy.linalg import blas, lapack
+
+    np.multiply(factor, np.sqrt(weights)[:, None], out=scratch)
+    normal = blas.dsyrk(1.0, scratch.T)  # the upper triangle
+    normal[np.diag_indices_from(normal)] += damping
+    _, solution, failed = lapack.dposv(normal, factor.T @ right)
+    if failed:  # rounding exceeds the damping
+        normal = np.triu(normal) + np.triu(normal, 1).T
+        solution = np.linalg.lstsq(normal, factor.T @ right, rcond=None)[0]
+    return solution
+
+
 def compress(
     centres: Float[np.ndarray, "n 3"], beta: float, columns: Float[np.ndarray, "n c"]
 ) -> tuple[Float[np.ndarray, "r 3"], Float[np.ndarray, "r c"]]:

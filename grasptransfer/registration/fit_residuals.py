@@ -1,0 +1,204 @@
+"""Residuals of a shape space and a pose against a cloud, with analytic derivatives.
+
+The state is (turn [rad], shift [m], latent), or the latent alone where the pose is kept:
+p = exp(turn) R0 (Z + mean + basis x) + t0 + shift.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+COVERAGE = 0.3  # weight of a visible model point without observed counterpart, against an observed point
+
+
+@dataclass(frozen=True)
+class PosePrior:
+    """How far the told pose may be wrong: standard deviations.
+
+    Args:
+        rotation: about each axis [rad].
+        translation: along each axis [m].
+    """
+
+    rotation: float = 0.1
+    translation: float = 0.02
+
+    @classmethod
+    def of_scale(cls, scale: float) -> "PosePrior":
+        """A quarter of the object's RMS radius [m] and six degrees."""
+        return cls(translation=0.25 * scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """Model points as a function of the state.
+
+    Args:
+        model: (p, 3) canonical points [m].
+        mean: (p, 3) and basis: (p, 3, k) of their displacement [m].
+        initial: (4, 4) pose that the state corrects.
+        prior: of the correction; None keeps the pose.
+    """
+
+    model: Float[np.ndarray, "p 3"]
+    mean: Float[np.ndarray, "p 3"]
+    basis: Float[np.ndarray, "p 3 k"]
+    initial: Float[np.ndarray, "4 4"]
+    prior: PosePrior | None
+
+    @property
+    def n_modes(self) -> int:
+        """k."""
+        return self.basis.shape[2]
+
+    @cached_property
+    def root_precision(self) -> Float[np.ndarray, "s"]:
+        """Reciprocal standard deviations of the state's prior."""
+        pose = [] if self.prior is None else [1 / self.prior.rotation] * 3 + [1 / self.prior.translation] * 3
+        return np.concatenate([pose, np.ones(self.n_modes)])
+
+    def start(self) -> Float[np.ndarray, "s"]:
+        """The state of the mean shape at the initial pose."""
+        return np.zeros(len(self.root_precision))
+
+    def pose(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "4 4"]:
+        """`told_from_refined`."""
+        pose = self.initial.copy()
+        if self.prior is not None:
+            pose[:3, :3] = _rotation(state[:3]) @ pose[:3, :3]
+            pose[:3, 3] += state[3:6]
+        return pose
+
+    def points(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "p 3"]:
+        """Model points, told object frame [m]."""
+        pose = self.pose(state)
+        return self._shape(state) @ pose[:3, :3].T + pose[:3, 3]
+
+    def jacobian(self, state: Float[np.ndarray, "s"], chosen=slice(None)) -> Float[np.ndarray, "q 3 s"]:
+        """Derivative of the chosen points by the state."""
+        pose = self.pose(state)
+        by_latent = np.einsum("ij,pjk->pik", pose[:3, :3], self.basis[chosen])
+        if self.prior is None:
+            return by_latent
+        turned = self._shape(state, chosen) @ pose[:3, :3].T
+        by_turn = -_cross(turned) @ _left_jacobian(state[:3])
+        return np.concatenate([by_turn, np.broadcast_to(np.eye(3), by_turn.shape), by_latent], axis=2)
+
+    def step(
+        self,
+        state: Float[np.ndarray, "s"],
+        chosen: Bool[np.ndarray, "p"],
+        weights: Float[np.ndarray, "q"],
+        pull: Float[np.ndarray, "q 3"],
+    ) -> Float[np.ndarray, "s"]:
+        """The Gauss-Newton step that moves the chosen points by `pull`, under the prior."""
+        jacobian = self.jacobian(state, chosen)
+        size = len(state)
+        rows = (jacobian * weights[:, None, None]).reshape(-1, size)
+        precision = np.square(self.root_precision)
+        normal = rows.T @ jacobian.reshape(-1, size) + np.diag(precision)
+        return np.linalg.solve(normal, rows.T @ pull.ravel() - precision * state)
+
+    def _shape(self, state, chosen=slice(None)) -> Float[np.ndarray, "q 3"]:
+        latent = state[len(state) - self.n_modes :]
+        return self.model[chosen] + self.mean[chosen] + self.basis[chosen] @ latent
+
+
+class FitResiduals:
+    """What `scipy.optimize.least_squares` minimises.
+
+    Args:
+        observed: (m, 3) [m].
+        noise: standard deviation of the matches [m].
+        robust_scale: residuals beyond this many of them grow linearly only (pseudo-Huber).
+        visible: (p,) model points that should have an observed counterpart; None asks it of none.
+    """
+
+    def __init__(self, posed: Posed, observed, noise: float, robust_scale: float, visible=None):
+        from scipy.spatial import cKDTree
+
+        self.posed, self.observed = posed, observed
+        self.noise, self.robust_scale = noise, robust_scale
+        self.visible = np.zeros(0, int) if visible is None else np.flatnonzero(visible)
+        self._observed_tree = cKDTree(observed) if len(self.visible) else None
+        # All visible points together count like this share of the observed ones.
+        self._coverage = np.sqrt(COVERAGE * len(observed) / max(len(self.visible), 1))
+        self._tree = cKDTree
+        self._last: tuple[bytes, tuple] | None = None
+
+    def values(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "r"]:
+        """Robust residuals of the matches, then of the prior."""
+        differences, _, weights = self._matches(state)
+        stretched, _, _ = self._robust(differences / self.noise)
+        return np.concatenate([(weights[:, None] * stretched).ravel(), self.posed.root_precision * state])
+
+    def jacobian(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "r s"]:
+        """Derivative of `values`; the matches are held."""
+        differences, chosen, weights = self._matches(state)
+        _, across, along = self._robust(differences / self.noise)
+        unit = differences / np.maximum(np.linalg.norm(differences, axis=1), 1e-300)[:, None]
+        rows = self.posed.jacobian(state, chosen) / self.noise
+        in_line = np.einsum("mi,mis->ms", unit, rows)
+        rows = (
+            across[:, None, None] * rows
+            + ((along - across)[:, None] * unit)[:, :, None] * in_line[:, None, :]
+        )
+        rows = (weights[:, None, None] * rows).reshape(-1, len(state))
+        return np.concatenate([rows, np.diag(self.posed.root_precision)])
+
+    def nearest(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "m 3"]:
+        """From each observed point to its nearest model point [m]."""
+        return self._matches(state)[0][: len(self.observed)]
+
+    def _matches(self, state):
+        """Model minus observed points, indices of the model points, weights."""
+        key = state.tobytes()
+        if self._last is None or self._last[0] != key:
+            moved = self.posed.points(state)
+            chosen = self._tree(moved).query(self.observed)[1]
+            differences, weights = moved[chosen] - self.observed, np.ones(len(chosen))
+            if len(self.visible):
+                counterpart = self._observed_tree.query(moved[self.visible])[1]
+                chosen = np.concatenate([chosen, self.visible])
+                differences = np.concatenate([differences, moved[self.visible] - self.observed[counterpart]])
+                weights = np.concatenate([weights, np.full(len(self.visible), self._coverage)])
+            self._last = key, (differences, chosen, weights)
+        return self._last[1]
+
+    def _robust(self, residuals: Float[np.ndarray, "m 3"]):
+        """Shortened residuals, and their derivatives across and along the residual.
+
+        Their squared length is Huber's smooth loss 2 c^2 (sqrt(1 + (d / c)^2) - 1).
+        """
+        scale = self.robust_scale
+        length = np.linalg.norm(residuals, axis=1)
+        root = np.sqrt(1 + (length / scale) ** 2)
+        # 2 c^2 (root - 1) = 2 d^2 / (root + 1), without cancellation
+        across = np.sqrt(2 / (root + 1))
+        along = 1 / (root * across)
+        return residuals * across[:, None], across, along
+
+
+def _rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(turn).as_matrix()
+
+
+def _cross(vectors: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 3"]:
+    """Matrices of the cross product: `_cross(a) @ b = a x b`."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+
+
+def _left_jacobian(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """d exp(turn) p = -[exp(turn) p]x  J  d turn (Sola, Deray, Atchuthan 2018, eq. 145)."""
+    angle = float(np.linalg.norm(turn))
+    skew = _cross(turn[None])[0]
+    if angle < 1e-4:
+        return np.eye(3) + skew / 2 + skew @ skew / 6
+    first, second = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + first * skew + second * skew @ skew

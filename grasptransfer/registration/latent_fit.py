@@ -1,0 +1,202 @@
+"""Fit a shape space, and where asked a pose, to a cloud of an instance (the paper's CLS).
+
+| symbol | name |
+| --- | --- |
+| Z + mean(Z) + basis(Z) x | shape: `displacement_model` at the model points |
+| R, t | `told_from_refined`: correction of the pose the cloud was expressed in |
+| p_j | observed points, told object frame |
+
+First EM with soft matches and a falling variance, as in CPD, but the M-step moves the latent and the
+pose only: it gets past the wrong matches of a first guess. Then nonlinear least squares on nearest
+points with analytic derivatives and a robust loss. The prior is the shape space's own, x ~ N(0, I).
+
+Source: Rodriguez, Huber, Behnke 2020, section III (CLS); Rodriguez and Behnke, Transferring
+Category-Based Functional Grasping Skills by Latent Space Non-Rigid Registration, 2018, eq. 9, whose
+objective has neither prior nor visibility.
+"""
+
+import dataclasses
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Shaped
+
+from grasptransfer.errors import NotSucceeded
+from grasptransfer.frames import check_rigid
+from grasptransfer.registration.blas_threads import single_blas_thread
+from grasptransfer.registration.blocks import BLOCK, spatial_order
+from grasptransfer.registration.clouds import check_cloud, check_points
+from grasptransfer.registration.expectation import EStep
+from grasptransfer.registration.field import positive
+from grasptransfer.registration.fit_residuals import FitResiduals, Posed, PosePrior
+from grasptransfer.registration.shape_space import ShapeSpace
+from grasptransfer.registration.visibility import visible_points
+
+STAGES = 3  # of EM; visibility is looked up at the start of each
+STAGE_ITERATIONS = 15
+OUTLIER_WEIGHT = 0.02
+FINEST = 0.01  # sigma that EM may reach, of the scale: below the spacing of any model's points
+
+
+class LatentFitStatus(enum.Enum):
+    """Outcome of a fit; `advice` says what to do about it."""
+
+    CONVERGED = "converged"
+    ITERATION_LIMIT = "iteration_limit"
+    POOR_FIT = "poor_fit"
+
+    @property
+    def advice(self) -> str:
+        """One sentence for the user."""
+        return {
+            LatentFitStatus.CONVERGED: "The fit settled: the field can be used.",
+            LatentFitStatus.ITERATION_LIMIT: "It did not settle: check the pose or raise max_iterations.",
+            LatentFitStatus.POOR_FIT: "The cloud is unlike every shape of the space: check category and pose.",
+        }[self]
+
+
+@dataclass(frozen=True, eq=False)
+class LatentFit:
+    """A shape, and a corrected pose, that explain a cloud.
+
+    Args:
+        latent: (k,) standard deviations.
+        covariance: (k, k) posterior covariance of the latent; the pose's doubt is included.
+        told_from_refined: (4, 4) points of the refined object frame in the frame of the cloud.
+        residual_rms: of the observed points to their nearest model points [m].
+        noise_std: of the matches, as estimated [m].
+        status: outcome, with advice.
+        iterations: of the least squares.
+    """
+
+    latent: Float[np.ndarray, "k"]
+    covariance: Float[np.ndarray, "k k"]
+    told_from_refined: Float[np.ndarray, "4 4"]
+    residual_rms: float
+    noise_std: float
+    status: LatentFitStatus
+    iterations: int
+
+
+def latent_fit(
+    space: ShapeSpace,
+    points_object: Shaped[np.ndarray, "..."],
+    *,
+    model_points: Float[np.ndarray, "p 3"] | None = None,
+    initial_pose: Float[np.ndarray, "4 4"] | None = None,
+    refine_pose: bool = False,
+    pose_prior: PosePrior | None = None,
+    viewpoint: Float[np.ndarray, "3"] | None = None,
+    robust_scale: float = 3.0,
+    max_iterations: int = 50,
+    strict: bool = False,
+) -> LatentFit:
+    """Fit latent and pose to a full or partial cloud.
+
+    Args:
+        space: of the category.
+        points_object: (m, 3) observed points in the told object frame [m].
+        model_points: (p, 3) canonical surface points to match [m]; the control points by default. Denser
+            ones fit better.
+        initial_pose: (4, 4) first guess of `told_from_refined`; the identity by default.
+        refine_pose: fit the pose, too.
+        pose_prior: how wrong the told pose may be.
+        viewpoint: (3,) where the cloud was seen from, told object frame [m]; then hidden model points are
+            not matched, and visible ones are drawn to the cloud. None where it was seen from all sides.
+        robust_scale: residuals beyond this many standard deviations count less.
+        max_iterations: of the least squares.
+        strict: raise when it did not succeed.
+
+    Raises:
+        PointCloudError: a cloud that is not (m, 3), not finite or without extent.
+        PoseError: an initial pose that is not rigid.
+        NotSucceeded: `strict`, and the status is not CONVERGED.
+    """
+    observed = check_cloud(points_object, "points_object")
+    model = check_points(
+        space.control_points if model_points is None else model_points, "model_points", fewest=4
+    )
+    robust_scale = positive(robust_scale, "robust_scale")
+    start = np.eye(4) if initial_pose is None else check_rigid(initial_pose, "initial_pose")
+    if viewpoint is not None:
+        viewpoint = check_points(np.reshape(viewpoint, (1, -1)), "viewpoint")[0]
+    if refine_pose:
+        pose_prior = pose_prior or PosePrior.of_scale(space.scale)
+    model = model[spatial_order(model, BLOCK)]
+    posed = Posed(model, *space.displacement_model(model), start, pose_prior if refine_pose else None)
+    with single_blas_thread():
+        state, noise = _match_softly(posed, observed, space, viewpoint)
+        fit = _least_squares(posed, observed, state, noise, viewpoint, robust_scale, max_iterations)
+    fit = _judge(fit, space)
+    if strict and fit.status is not LatentFitStatus.CONVERGED:
+        raise NotSucceeded(
+            fit.status.advice, key="points_object", value=f"{fit.residual_rms * 1e3:.1f} mm RMS"
+        )
+    return fit
+
+
+def _match_softly(
+    posed: Posed, observed, space: ShapeSpace, viewpoint
+) -> tuple[Float[np.ndarray, "s"], float]:
+    """EM over latent and pose; the state, and sigma [m]."""
+    normaliser = space.normaliser
+    target = normaliser(observed)
+    state = posed.start()
+    moved = posed.points(state)
+    variance = float(np.square(moved - moved.mean(0)).sum(1).mean()) / 3 / 16
+    for _ in range(STAGES):
+        moved = posed.points(state)
+        chosen = _visible(moved, viewpoint)
+        with EStep(target, int(chosen.sum()), threads=1) as expect:
+            for _ in range(STAGE_ITERATIONS):
+                moved = posed.points(state)[chosen]
+                sigma = variance / space.scale**2
+                outlier = 1.5 * np.log(2 * np.pi * sigma) + np.log(
+                    OUTLIER_WEIGHT / (1 - OUTLIER_WEIGHT) * len(moved) / len(target)
+                )
+                found = expect(normaliser(moved), sigma, log_outlier=outlier)
+                means = normaliser.undo(found.moment / np.maximum(found.support, 1e-9)[:, None])
+                weights = found.support / variance
+                step = posed.step(state, chosen, weights, np.where(weights[:, None] > 0, means - moved, 0.0))
+                state = state + step
+                squared = found.squared * space.scale**2 / (3 * max(found.support.sum(), 1e-9))
+                variance = max(min(squared, variance), (FINEST * space.scale) ** 2)
+                if np.abs(step[-posed.n_modes :]).max(initial=0.0) < 1e-3:
+                    break
+    return state, float(np.sqrt(variance))
+
+
+def _least_squares(
+    posed: Posed, observed, state, noise, viewpoint, robust_scale, max_iterations
+) -> LatentFit:
+    from scipy.optimize import least_squares
+
+    visible = _visible(posed.points(state), viewpoint) if viewpoint is not None else None
+    residuals = FitResiduals(posed, observed, noise, robust_scale, visible)
+    solution = least_squares(
+        residuals.values, state, residuals.jacobian, method="trf", x_scale="jac", max_nfev=max_iterations
+    )
+    jacobian = residuals.jacobian(solution.x)
+    covariance = np.linalg.inv(jacobian.T @ jacobian)
+    latent = slice(len(solution.x) - posed.n_modes, None)
+    return LatentFit(
+        latent=solution.x[latent],
+        covariance=covariance[latent, latent],
+        told_from_refined=posed.pose(solution.x),
+        residual_rms=float(np.sqrt(np.square(residuals.nearest(solution.x)).sum(1).mean())),
+        noise_std=noise,
+        status=LatentFitStatus.CONVERGED if solution.status > 0 else LatentFitStatus.ITERATION_LIMIT,
+        iterations=int(solution.nfev),
+    )
+
+
+def _visible(points: Float[np.ndarray, "p 3"], viewpoint) -> Bool[np.ndarray, "p"]:
+    return np.ones(len(points), bool) if viewpoint is None else visible_points(points, viewpoint)
+
+
+def _judge(fit: LatentFit, space: ShapeSpace) -> LatentFit:
+    """A fit whose points lie a quarter of the object off explains nothing."""
+    if fit.residual_rms > 0.25 * space.scale or np.sqrt(np.square(fit.latent).mean()) > 5:
+        return dataclasses.replace(fit, status=LatentFitStatus.POOR_FIT)
+    return fit
