@@ -103,9 +103,10 @@ def train(
     network: str = "compact",
     loss: str = "likelihood",
     samples: int = 20_000,
-    steps: int = 6000,
-    batch: int = 16,
-    learning_rate: float = 1.2e-3,
+    steps: int = 4500,
+    batch: int = 32,
+    echo: int = 1,
+    learning_rate: float = 1e-3,
     seed: int = 0,
     device: str = "auto",
     workers: int = 2,
@@ -121,6 +122,7 @@ def train(
         samples: rendered training samples.
         steps: optimiser steps.
         batch: samples a step.
+        echo: how often each augmented batch is used; 2 halves what preparing them costs.
         learning_rate: peak of the one-cycle schedule.
         seed: of everything random.
         device: auto, cpu or cuda.
@@ -139,6 +141,7 @@ def train(
         samples=samples,
         steps=steps,
         batch=batch,
+        echo=echo,
         learning_rate=learning_rate,
         seed=seed,
     )

@@ -10,13 +10,20 @@ from scipy.optimize import minimize_scalar
 from grasptransfer.category import Category
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.perception.estimate import ShapeEstimate
+from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.zoom import projected_box
-from grasptransfer.registration import DeformationField, cpd
+from grasptransfer.registration import DeformationField, LatentFitStatus, cpd, latent_fit
 
 FEWEST_POINTS = 20
 MOST_POINTS = 1500  # of a depth cloud; more cost time and add nothing at this noise
+
+
+_STATUS = {
+    LatentFitStatus.CONVERGED: EstimateStatus.OK,
+    LatentFitStatus.ITERATION_LIMIT: EstimateStatus.NOT_CONVERGED,
+    LatentFitStatus.POOR_FIT: EstimateStatus.OUT_OF_CATEGORY,
+}
 
 
 @dataclass(frozen=True)
@@ -70,16 +77,17 @@ class ClsEstimator:
         """Fit the latent, and the pose where asked, to the observed points."""
         start = time.perf_counter()
         cloud = depth_cloud(observation)
-        from grasptransfer.registration import latent_fit
-
-        fit = latent_fit(self.category.shape_space, cloud, refine_pose=self.refine_pose)
+        viewpoint = invert(observation.camera_from_object)[:3, 3]
+        space = self.category.shape_space
+        fit = latent_fit(space, cloud, refine_pose=self.refine_pose, viewpoint=viewpoint)
         pose = observation.camera_from_object @ fit.told_from_refined
         return ShapeEstimate(
-            field=self.category.shape_space.field(fit.latent),
+            field=space.field(fit.latent),
             camera_from_object=pose,
             latent=fit.latent,
             latent_covariance=fit.covariance,
             mask=observation.mask,
+            status=_STATUS[fit.status],
             timings={"fit": time.perf_counter() - start},
         )
 

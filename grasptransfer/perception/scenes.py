@@ -40,8 +40,8 @@ class PoseNoise:
 
 NO_NOISE = PoseNoise(0.0, 0.0)
 PAPER_NOISE = PoseNoise(0.05, 0.0)  # section VI: uniform +-5 cm on each axis
-TRAINING_NOISES = (NO_NOISE, PoseNoise(0.01, np.deg2rad(3)), PoseNoise(0.05, np.deg2rad(10)))
-TRAINING_NOISE_SHARES = (0.35, 0.35, 0.3)
+TRAINING_NOISES = (NO_NOISE, PoseNoise(0.01, np.deg2rad(3)))
+TRAINING_NOISE_SHARES = (0.5, 0.5)
 
 
 def draw_camera(rng: np.random.Generator) -> Camera:
