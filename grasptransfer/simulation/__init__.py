@@ -1,0 +1,36 @@
+"""Grasps executed in PyBullet: named protocols, a reason for each failure, robustness over trials.
+
+Loaded on first use; PyBullet itself only when a trial runs.
+"""
+
+from grasptransfer.simulation.execution import simulate
+from grasptransfer.simulation.outcome import (
+    Recording,
+    Robustness,
+    TrialResult,
+    TrialStatus,
+    robustness,
+    wilson_interval,
+)
+from grasptransfer.simulation.protocol import (
+    PROTOCOLS,
+    Perturbation,
+    Protocol,
+    list_protocols,
+    load_protocol,
+)
+
+__all__ = [
+    "PROTOCOLS",
+    "Perturbation",
+    "Protocol",
+    "Recording",
+    "Robustness",
+    "TrialResult",
+    "TrialStatus",
+    "list_protocols",
+    "load_protocol",
+    "robustness",
+    "simulate",
+    "wilson_interval",
+]

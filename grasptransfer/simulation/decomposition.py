@@ -1,0 +1,301 @@
+"""Convex parts of a mesh, for a physics engine that collides nothing else.
+
+Each watertight piece of the mesh is decomposed by itself, so that the thin wall of a mug stays hollow
+and its handle keeps its hole; a piece that is convex already is taken as it is. The rest is CoACD
+(Wei et al., "Approximate Convex Decomposition for 3D Meshes with Collision-Aware Concavity and Tree
+Search", SIGGRAPH 2022), seconds per piece; results are cached by the mesh's content.
+"""
+
+import hashlib
+import logging
+import os
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from grasptransfer.errors import MeshError
+from grasptransfer.grasping.atomic import replacing
+
+if TYPE_CHECKING:
+    import manifold3d
+    import trimesh
+
+LOG = logging.getLogger(__name__)
+VERSION = 1  # of the cached files: raise it when the parts of the same mesh change
+LARGEST_OBJECT = 2.0  # m; beyond it a mesh is in millimetres
+SMALLEST_PART = 1e-10  # m3, a cube of half a millimetre: what remains of a cut
+
+
+@dataclass(frozen=True)
+class DecompositionSettings:
+    """How closely convex parts follow the surface.
+
+    Args:
+        concavity: CoACD's threshold, a share of the piece's half extent: 2 mm on a mug.
+        simplification: how far the surface may move before it is decomposed [m].
+        convex_excess: a piece whose hull is larger by less than this share is convex.
+        part_vertices: most vertices of a part.
+        iterations, depth, nodes, resolution: of CoACD's search; its own defaults take ten times as long.
+        seed: of CoACD's search.
+    """
+
+    concavity: float = 0.04
+    simplification: float = 3e-4
+    convex_excess: float = 0.01
+    part_vertices: int = 48
+    iterations: int = 30
+    depth: int = 2
+    nodes: int = 10
+    resolution: int = 500
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Decomposition:
+    """Convex parts of a mesh, and its solid's volume and moments.
+
+    Args:
+        parts: vertices (v, 3) of each convex part, the mesh's frame [m].
+        volume: of the solid, m3.
+        centre_of_mass: (3,) the mesh's frame [m].
+        inertia: (3, 3) about the centre of mass, for a density of 1 kg/m3.
+        watertight: whether volume and moments are the surface's own; otherwise they are those of the parts.
+    """
+
+    parts: tuple[Float[np.ndarray, "_ 3"], ...] = field(repr=False)
+    volume: float
+    centre_of_mass: Float[np.ndarray, "3"]
+    inertia: Float[np.ndarray, "3 3"]
+    watertight: bool
+
+
+def cache_folder() -> Path:
+    """Where decompositions are kept: `$GRASPTRANSFER_CACHE`, else the user's cache folder."""
+    chosen = os.environ.get("GRASPTRANSFER_CACHE")
+    if chosen:
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "grasptransfer"
+
+
+def decompose(
+    mesh: "trimesh.Trimesh | trimesh.Scene", settings: DecompositionSettings | None = None
+) -> Decomposition:
+    """Convex parts of `mesh` [m], from the cache where the same surface was decomposed before.
+
+    Raises:
+        MeshError: no faces, not finite, flat, or not in metres.
+    """
+    settings = settings or DecompositionSettings()
+    vertices, faces = checked_geometry(mesh)
+    key = hashlib.sha256(repr((VERSION, settings)).encode() + vertices.tobytes() + faces.tobytes()).hexdigest()
+    path = cache_folder() / "decompositions" / f"{key[:32]}.npz"
+    known = _read(path)
+    if known is not None:
+        return known
+    found = _decompose(vertices, faces, settings)
+    _write(path, found)
+    return found
+
+
+def checked_geometry(
+    mesh: "trimesh.Trimesh | trimesh.Scene",
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
+    """Vertices [m] and faces, welded over texture seams.
+
+    Raises:
+        MeshError: no faces, not finite, flat, or not in metres.
+    """
+    import trimesh
+
+    whole = mesh.to_geometry() if isinstance(mesh, trimesh.Scene) else mesh
+    if not isinstance(whole, trimesh.Trimesh) or len(whole.faces) == 0:
+        raise MeshError("has no triangles", key="mesh")
+    plain = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
+    if not np.isfinite(plain.vertices).all():
+        raise MeshError("holds NaN or infinity", key="mesh")
+    plain.merge_vertices()
+    plain.update_faces(plain.nondegenerate_faces())
+    plain.remove_unreferenced_vertices()
+    extents = plain.extents if len(plain.faces) else np.zeros(3)
+    if extents.max() > LARGEST_OBJECT:
+        raise MeshError(
+            "is too large for an object in metres",
+            key="mesh",
+            value=np.round(extents, 3).tolist(),
+            fix="Divide millimetres by 1000",
+        )
+    if extents.min() < 1e-4:
+        raise MeshError("is flat: it encloses nothing", key="mesh", value=extents.tolist())
+    return np.ascontiguousarray(plain.vertices, float), np.ascontiguousarray(plain.faces, np.int64)
+
+
+def _decompose(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], settings: DecompositionSettings
+) -> Decomposition:
+    import manifold3d
+
+    pieces = _watertight_pieces(vertices, faces)
+    if pieces is None:
+        LOG.warning("the mesh is not watertight: mass and inertia are those of its convex parts")
+        parts = _coacd(vertices, faces, settings, watertight=False)
+        solid = _union([manifold3d.Manifold.hull_points(part) for part in parts])
+    else:
+        parts = [part for piece in pieces for part in _convex_parts(piece, settings)]
+        solid = _union(pieces)
+    if solid.volume() < SMALLEST_PART:
+        raise MeshError("encloses no volume", key="mesh")
+    centre, inertia = _moments(solid)
+    return Decomposition(tuple(parts), float(solid.volume()), centre, inertia, pieces is not None)
+
+
+def _watertight_pieces(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> "list[manifold3d.Manifold] | None":
+    """Connected solids, cavities cut out; None where the surface has holes or branches."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    groups = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(faces)))
+    surfaces = [_manifold(vertices, faces[group]) for group in groups]
+    if any(surface is None for surface in surfaces):
+        return None
+    solids = [surface for surface in surfaces if surface.volume() > SMALLEST_PART]
+    inverted = [_reversed(surface) for surface in surfaces if surface.volume() < -SMALLEST_PART]
+    if not solids:  # the whole mesh is inside out
+        return inverted or None
+    for hole in inverted:
+        # A surface turned inwards bounds a cavity if something is around it, and else is just inside out.
+        around = [i for i, solid in enumerate(solids) if (hole - solid).volume() < 0.5 * hole.volume()]
+        if not around:
+            solids.append(hole)
+        for i in around:
+            solids[i] = solids[i] - hole
+    return solids
+
+
+def _manifold(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> "manifold3d.Manifold | None":
+    import manifold3d
+
+    used, local = np.unique(faces, return_inverse=True)
+    mesh = manifold3d.Mesh64(vertices[used], local.reshape(-1, 3).astype(np.uint64))
+    solid = manifold3d.Manifold(mesh)
+    return solid if solid.status() == manifold3d.Error.NoError else None
+
+
+def _reversed(solid: "manifold3d.Manifold") -> "manifold3d.Manifold":
+    mesh = solid.to_mesh64()
+    reversed_solid = _manifold(
+        np.asarray(mesh.vert_properties)[:, :3].copy(), np.asarray(mesh.tri_verts)[:, ::-1].astype(np.int64)
+    )
+    assert reversed_solid is not None
+    return reversed_solid
+
+
+def _union(solids: "list[manifold3d.Manifold]") -> "manifold3d.Manifold":
+    import manifold3d
+
+    return manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+
+
+def _convex_parts(
+    solid: "manifold3d.Manifold", settings: DecompositionSettings
+) -> list[Float[np.ndarray, "_ 3"]]:
+    hull = solid.hull()
+    if hull.volume() <= (1 + settings.convex_excess) * solid.volume():
+        return [_fewer(_vertices(hull), settings.part_vertices)]
+    simple = solid.simplify(settings.simplification).to_mesh64()
+    vertices = np.asarray(simple.vert_properties)[:, :3]
+    return _coacd(vertices, np.asarray(simple.tri_verts), settings, watertight=True)
+
+
+def _coacd(
+    vertices: Float[np.ndarray, "v 3"],
+    faces: np.ndarray,
+    settings: DecompositionSettings,
+    *,
+    watertight: bool,
+) -> list[Float[np.ndarray, "_ 3"]]:
+    import coacd
+    import manifold3d
+
+    coacd.set_log_level("error")
+    pieces = coacd.run_coacd(
+        coacd.Mesh(vertices, faces.astype(np.int32)),
+        threshold=settings.concavity,
+        preprocess_mode="off" if watertight else "on",
+        mcts_iterations=settings.iterations,
+        mcts_max_depth=settings.depth,
+        mcts_nodes=settings.nodes,
+        resolution=settings.resolution,
+        seed=settings.seed,
+    )
+    hulls = [manifold3d.Manifold.hull_points(np.asarray(points, float)) for points, _ in pieces]
+    return [_fewer(_vertices(hull), settings.part_vertices) for hull in hulls if hull.volume() > SMALLEST_PART]
+
+
+def _vertices(solid: "manifold3d.Manifold") -> Float[np.ndarray, "_ 3"]:
+    return np.asarray(solid.to_mesh64().vert_properties)[:, :3].astype(float)
+
+
+def _fewer(vertices: Float[np.ndarray, "_ 3"], most: int) -> Float[np.ndarray, "_ 3"]:
+    """At most `most` of the vertices, farthest first: a hull of them errs least."""
+    if len(vertices) <= most:
+        return vertices
+    chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(0), axis=1)))]
+    distance = np.linalg.norm(vertices - vertices[chosen[0]], axis=1)
+    for _ in range(most - 1):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(vertices - vertices[chosen[-1]], axis=1))
+    return vertices[np.sort(chosen)]
+
+
+def _moments(solid: "manifold3d.Manifold") -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    import trimesh
+
+    mesh = solid.to_mesh64()
+    surface = trimesh.Trimesh(
+        np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64), process=False
+    )
+    return np.array(surface.center_mass), np.array(surface.moment_inertia)
+
+
+def _read(path: Path) -> Decomposition | None:
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            parts = np.split(data["vertices"], np.cumsum(data["counts"])[:-1])
+            return Decomposition(
+                tuple(parts),
+                float(data["volume"]),
+                data["centre_of_mass"],
+                data["inertia"],
+                bool(data["watertight"]),
+            )
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        LOG.warning("a cached decomposition cannot be read and is made again: %s (%s)", path, error)
+        return None
+
+
+def _write(path: Path, found: Decomposition) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        LOG.warning("decompositions cannot be cached: %s", error)
+        return
+    with replacing(path) as temporary:
+        np.savez(
+            temporary,
+            vertices=np.concatenate(found.parts),
+            counts=np.array([len(part) for part in found.parts]),
+            volume=found.volume,
+            centre_of_mass=found.centre_of_mass,
+            inertia=found.inertia,
+            watertight=found.watertight,
+        )

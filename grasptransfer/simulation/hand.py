@@ -1,0 +1,143 @@
+"""The gripper as the physics sees it: a URDF below its base link, and how its joints share a force."""
+
+import hashlib
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.urdf_geometry import FingerLink
+
+LEAST_MASS = 0.01  # kg of a link that the URDF gives none: lighter ones shake in the solver
+LEAST_MOMENT = 1e-6  # kg m2, likewise
+
+
+@dataclass(frozen=True)
+class Hand:
+    """A floating gripper; no more than a worker process needs.
+
+    Args:
+        name: the gripper's.
+        urdf: text of a URDF whose root is the base link; mesh files are named by `meshes`.
+        meshes: file name and OBJ text of each collision mesh.
+        base_from_tcp: (4, 4) [m].
+        joints: name and ratio to the driver of each moving joint, the driver first.
+        drivers, openings: tables of driver values and the pad distances that belong to them [m].
+        offsets: of each joint, metres or radians.
+        pad_links: names of the links with the -x and the +x pad.
+        force_limit: [N].
+        digest: of everything above.
+    """
+
+    name: str
+    urdf: str = field(repr=False)
+    meshes: tuple[tuple[str, str], ...] = field(repr=False)
+    base_from_tcp: Float[np.ndarray, "4 4"]
+    joints: tuple[tuple[str, float], ...]
+    offsets: tuple[float, ...]
+    drivers: Float[np.ndarray, "t"] = field(repr=False)
+    openings: Float[np.ndarray, "t"] = field(repr=False)
+    opening: tuple[float, float]
+    pad_links: tuple[str, str]
+    force_limit: float
+    digest: str
+
+    def joint_positions(self, opening: float) -> dict[str, float]:
+        """Joint values, metres or radians, at this distance between the pads [m]."""
+        driver = float(np.interp(opening, self.openings, self.drivers))
+        return {
+            name: ratio * driver + offset
+            for (name, ratio), offset in zip(self.joints, self.offsets, strict=True)
+        }
+
+    def driver_slope(self, opening: float) -> float:
+        """Change of the pad distance [m] with the driver's value."""
+        return float(np.interp(opening, self.openings, np.gradient(self.openings, self.drivers)))
+
+
+def hand_of(gripper: Gripper) -> Hand:
+    """The gripper without what the physics does not need."""
+    urdf, meshes = _urdf(gripper)
+    joints = tuple((joint.name, joint.ratio) for joint in gripper.finger_joints)
+    first, second = gripper.pads
+    text = repr((gripper.name, urdf, meshes, joints, gripper.base_from_tcp.tolist(), gripper.opening))
+    return Hand(
+        name=gripper.name,
+        urdf=urdf,
+        meshes=meshes,
+        base_from_tcp=np.array(gripper.base_from_tcp),
+        joints=joints,
+        offsets=tuple(joint.offset for joint in gripper.finger_joints),
+        drivers=np.array(gripper.driver_table),
+        openings=np.array(gripper.opening_table),
+        opening=gripper.opening,
+        pad_links=(first.link, second.link),
+        force_limit=gripper.force_limit,
+        digest=hashlib.sha256(text.encode()).hexdigest()[:16],
+    )
+
+
+def _urdf(gripper: Gripper) -> tuple[str, tuple[tuple[str, str], ...]]:
+    """The URDF below the base link, with the collision shapes that `Gripper` read."""
+    source = ElementTree.parse(gripper.urdf_path).getroot()
+    links = {link.name: link for link in gripper.links}
+    robot, meshes = ElementTree.Element("robot", name=gripper.name), []
+    # The root comes first: it becomes the base of the floating body.
+    for link in gripper.links:
+        given = next(element for element in source.findall("link") if element.get("name") == link.name)
+        element = ElementTree.SubElement(robot, "link", name=link.name)
+        element.append(_inertial(given.find("inertial")))
+        meshes += _add_shapes(element, link)
+    for joint in source.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        assert parent is not None and child is not None
+        if parent.get("link") in links and child.get("link") in links:
+            robot.append(joint)
+    return ElementTree.tostring(robot, encoding="unicode"), tuple(meshes)
+
+
+def _inertial(given: ElementTree.Element | None) -> ElementTree.Element:
+    if given is not None:
+        return given
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "mass", value=str(LEAST_MASS))
+    moment = str(LEAST_MOMENT)
+    ElementTree.SubElement(
+        element, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0"
+    )
+    return element
+
+
+def _add_shapes(element: ElementTree.Element, link: FingerLink) -> list[tuple[str, str]]:
+    """Collision elements of the link's shapes; returns the files its meshes need."""
+    files = []
+    for i, shape in enumerate(link.shapes):
+        collision = ElementTree.SubElement(element, "collision")
+        position = " ".join(f"{value:.9g}" for value in shape.link_from_shape[:3, 3])
+        angles = Rotation.from_matrix(shape.link_from_shape[:3, :3]).as_euler("xyz")
+        rpy = " ".join(f"{value:.9g}" for value in angles)
+        ElementTree.SubElement(collision, "origin", xyz=position, rpy=rpy)
+        geometry = ElementTree.SubElement(collision, "geometry")
+        if shape.kind == "box":
+            ElementTree.SubElement(geometry, "box", size=" ".join(f"{value:.9g}" for value in shape.size))
+        elif shape.kind == "cylinder":
+            radius, length = shape.size
+            ElementTree.SubElement(geometry, "cylinder", radius=f"{radius:.9g}", length=f"{length:.9g}")
+        elif shape.kind == "sphere":
+            ElementTree.SubElement(geometry, "sphere", radius=f"{shape.size[0]:.9g}")
+        else:
+            name = f"{link.name}_{i}.obj"
+            ElementTree.SubElement(geometry, "mesh", filename=name)
+            files.append((name, _hull_text(shape.mesh)))
+    return files
+
+
+def _hull_text(mesh) -> str:
+    """A moving mesh collides as its convex hull anyway; said here, and the same for every format."""
+    hull = mesh.convex_hull
+    lines = ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in hull.vertices]
+    lines += ["f {} {} {}".format(*(face + 1)) for face in hull.faces]
+    return "\n".join(lines) + "\n"

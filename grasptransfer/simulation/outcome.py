@@ -1,0 +1,169 @@
+"""What a trial found, how it is kept as one line of JSON, and robustness over many trials."""
+
+import enum
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+
+class TrialStatus(enum.Enum):
+    """Outcome of one trial; `advice` says what to do about it."""
+
+    HELD = "held"
+    IN_COLLISION = "in collision"
+    BLOCKED_APPROACH = "blocked approach"
+    TOO_WIDE = "too wide"
+    NO_CONTACT = "no contact"
+    SLIPPED_LIFT = "slipped in the lift"
+    SLIPPED_SHAKE = "slipped in the shake"
+    UNSTABLE = "unstable"
+    CRASHED = "crashed"
+
+    @property
+    def held(self) -> bool:
+        """Whether the object was still in the gripper at the end."""
+        return self is TrialStatus.HELD
+
+    @property
+    def advice(self) -> str:
+        """One sentence of advice."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    TrialStatus.HELD: "Both pads hold the object to the end of the protocol.",
+    TrialStatus.IN_COLLISION: "Refine the grasp, or open the gripper less or more before it.",
+    TrialStatus.BLOCKED_APPROACH: "Come in along another direction, or shorten approach_distance.",
+    TrialStatus.TOO_WIDE: "Use a gripper that opens wider, or grasp the object elsewhere.",
+    TrialStatus.NO_CONTACT: "Move the grasp so that both pads meet the object.",
+    TrialStatus.SLIPPED_LIFT: "Grasp nearer to the centre of mass, or where the surface is flatter.",
+    TrialStatus.SLIPPED_SHAKE: "Grasp nearer to the centre of mass, or where more of the pads touches.",
+    TrialStatus.UNSTABLE: "Look at the frames: the physics, or the object's stand, cannot be trusted here.",
+    TrialStatus.CRASHED: "The process of the physics engine ended; run the trial again.",
+}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Where everything was during a trial, t moments.
+
+    Args:
+        seconds: (t,) since the gripper stood at the grasp's start.
+        phases: name of the phase at each moment.
+        world_from_object: (t, 4, 4) [m].
+        world_from_link: (t, 4, 4) of each link of the gripper [m].
+        table_height: z of the table's top [m], or None.
+    """
+
+    seconds: Float[np.ndarray, "t"]
+    phases: tuple[str, ...]
+    world_from_object: Float[np.ndarray, "t 4 4"]
+    world_from_link: dict[str, Float[np.ndarray, "t 4 4"]]
+    table_height: float | None
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """The outcome of one trial.
+
+    Args:
+        grasp: name of the grasp.
+        trial: its number, from 0.
+        status: what happened.
+        phase: where it ended: `pre-check`, `settle`, `approach`, `close`, `lift`, `shake`, `turn`, `rest`.
+        detail: one sentence with the numbers.
+        slip_mm, slip_degrees: how far the object moved in the gripper after the fingers had closed.
+        max_penetration_mm: deepest overlap of gripper and object after that.
+        width_mm: distance between the pads at the end.
+        protocol, gripper: names.
+        friction: of this trial.
+        seconds: of computing.
+        recording: poses over time, where asked for; not kept in files.
+    """
+
+    grasp: str
+    trial: int
+    status: TrialStatus
+    phase: str
+    detail: str = ""
+    slip_mm: float = 0.0
+    slip_degrees: float = 0.0
+    max_penetration_mm: float = 0.0
+    width_mm: float = 0.0
+    protocol: str = ""
+    gripper: str = ""
+    friction: float = 0.0
+    seconds: float = field(default=0.0, compare=False)
+    recording: Recording | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def held(self) -> bool:
+        """Whether the object was still in the gripper at the end."""
+        return self.status.held
+
+    def as_data(self) -> dict:
+        """Plain data without the recording; `result_from_data` reads it."""
+        data = asdict(self) if self.recording is None else asdict(_without_recording(self))
+        del data["recording"]
+        return data | {"status": self.status.name}
+
+
+def _without_recording(result: TrialResult) -> TrialResult:
+    from dataclasses import replace
+
+    return replace(result, recording=None)
+
+
+def result_from_data(data: dict) -> TrialResult:
+    """The result that `TrialResult.as_data` wrote."""
+    return TrialResult(**(data | {"status": TrialStatus[data["status"]]}))
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """Share of a grasp's trials that were held, with its 95 % Wilson interval.
+
+    Args:
+        grasp: name of the grasp.
+        held, trials: counts; crashed trials count as neither.
+        share: held / trials, NaN without trials.
+        low, high: interval.
+    """
+
+    grasp: str
+    held: int
+    trials: int
+    share: float
+    low: float
+    high: float
+
+
+def wilson_interval(held: int, trials: int, *, z: float = 1.959964) -> tuple[float, float]:
+    """Interval of a share, (0, 1) without trials.
+
+    Wilson, "Probable inference, the law of succession, and statistical inference", JASA 1927.
+    """
+    if trials == 0:
+        return 0.0, 1.0
+    share = held / trials
+    middle = (share + z**2 / (2 * trials)) / (1 + z**2 / trials)
+    half = z / (1 + z**2 / trials) * np.sqrt(share * (1 - share) / trials + z**2 / (4 * trials**2))
+    # Rounding would leave a hair above 0 or below 1 where none or all are held.
+    low = 0.0 if held == 0 else float(middle - half)
+    return low, 1.0 if held == trials else float(middle + half)
+
+
+def robustness(results: Iterable[TrialResult]) -> list[Robustness]:
+    """One entry for each grasp, in the order they appear."""
+    groups: dict[str, list[TrialResult]] = {}
+    for result in results:
+        groups.setdefault(result.grasp, []).append(result)
+    found = []
+    for name, group in groups.items():
+        counted = [result.held for result in group if result.status is not TrialStatus.CRASHED]
+        held, trials = sum(counted), len(counted)
+        share = held / trials if trials else float("nan")
+        found.append(Robustness(name, held, trials, share, *wilson_interval(held, trials)))
+    return found
