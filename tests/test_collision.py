@@ -216,6 +216,13 @@ def test_points_inside_are_found_by_parity():
     np.testing.assert_array_equal(surface.contains(points), [False, True, True, False, False])
 
 
+def test_texture_seams_do_not_open_a_closed_surface():
+    split = box()
+    split.unmerge_vertices()
+    assert not split.is_watertight
+    assert Surface(split).contains(np.array([[0.0, 0, 0], [0, 0, 0.06]])).tolist() == [True, False]
+
+
 def test_meshes_that_cannot_be_used_are_refused():
     with pytest.raises(MeshError, match="millimetres"):
         CollisionWorld(trimesh.creation.box(extents=(80, 80, 100)))

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from grasptransfer.frames import invert, transform_points
 from grasptransfer.grasping.collision import GraspCheck
 from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.surface import Surface
 from grasptransfer.grasping.warping import WarpedGrasp
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 SURFACE_POINTS = 3000  # about 4 mm apart on a mug: some ten under each pad
 NEAR = 0.012  # m around the gripper: points farther away stay out of its reach in every draw
+MASS_LIMITS = (0.05, 1.0)  # kg, as the simulation protocols clamp it
 PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
 
 
@@ -37,9 +39,10 @@ class Ranking:
     Args:
         draws: shapes and poses per call.
         pose_shift, pose_turn: standard deviation of the pose along each axis [m, rad].
-        bias, clearance, flatness, coverage, lever: logistic model; clearance per mm (between -3 and 3),
-            flatness per unit cosine, coverage per share of a pad's points, lever per cm that the
-            centre of mass lies beside the closing line.
+        density: of the object [kg/m3], the simulation protocols' guess.
+        bias, clearance, flatness, coverage, moment: logistic model; clearance per mm (between -3 and 3),
+            flatness per unit cosine, coverage per share of a pad's points, moment per kg cm: mass times
+            how far its centre lies beside the closing line. Two flat pads at 30 N turn at about 2 kg cm.
     """
 
     draws: int = 16
@@ -49,7 +52,8 @@ class Ranking:
     clearance: float = 0.9
     flatness: float = 6.0
     coverage: float = 1.5
-    lever: float = -0.25
+    moment: float = -2.2
+    density: float = 500.0
 
 
 def rank_grasps(
@@ -95,6 +99,7 @@ class _Cloud:
         shifts: (s, m, 3) of each draw's shape [m].
         motions: (s, 4, 4) of each draw's pose, `drawn_from_object`.
         centre: (3,) centre of mass [m].
+        mass: kg.
     """
 
     points: Float[np.ndarray, "m 3"]
@@ -102,6 +107,7 @@ class _Cloud:
     shifts: Float[np.ndarray, "s m 3"]
     motions: Float[np.ndarray, "s 4 4"]
     centre: Float[np.ndarray, "3"]
+    mass: float
 
     @staticmethod
     def draw(
@@ -130,8 +136,11 @@ class _Cloud:
         turns = rng.normal(size=(settings.draws, 3)) * settings.pose_turn
         motions[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
         motions[:, :3, 3] = rng.normal(size=(settings.draws, 3)) * settings.pose_shift
-        centre = mesh.center_mass if mesh.is_watertight else mesh.centroid
-        return _Cloud(points, mesh.face_normals[faces], shifts, motions, np.asarray(centre))
+        closed = Surface(mesh).mesh
+        solid = closed if closed.is_watertight else closed.convex_hull
+        mass = float(np.clip(settings.density * abs(solid.volume), *MASS_LIMITS))
+        centre = np.asarray(solid.center_mass)
+        return _Cloud(points, mesh.face_normals[faces], shifts, motions, centre, mass)
 
 
 def _chances(
@@ -159,13 +168,13 @@ def _chances(
     cosines = np.stack([-closing, closing], axis=1)
     # Each pad's points face it: towards -x those of the -x pad, towards +x those of the other.
     flat = np.where(touched, cosines, 0).sum(axis=2) / np.maximum(count, 1)
-    lever = _lever(grasp, cloud)
+    moment = cloud.mass * _lever(grasp, cloud)
     evidence = (
         settings.bias
         + settings.clearance * np.clip(clearance * 1e3, -3, 3)
         + settings.flatness * flat.min(axis=1)
         + settings.coverage * np.minimum(count.min(axis=1) / 4, 1)
-        + settings.lever * lever * 100
+        + settings.moment * moment * 100
     )
     chance = 1 / (1 + np.exp(-evidence))
     return np.where(count.min(axis=1) > 0, chance, 0.0)

@@ -40,7 +40,11 @@ class Surface:
                 value=f"{extent:.0f}",
                 fix="Divide its vertices by 1000",
             )
-        self.mesh, self.name = mesh, name
+        import trimesh
+
+        # Texture seams split vertices; merged, a closed surface is closed again. Faces keep their order.
+        self.mesh = trimesh.Trimesh(vertices, mesh.faces, process=True)
+        self.name = name
 
     @cached_property
     def _rays(self) -> Any:
