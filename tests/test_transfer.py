@@ -6,7 +6,9 @@ import pytest
 import grasptransfer as gt
 from grasptransfer.errors import CategoryError, GripperError, NotSucceeded, SettingsError
 from grasptransfer.frames import rigid, rotation_angle
+from grasptransfer.perception.baselines import depth_cloud
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
+from grasptransfer.perception.observation import observe
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.views import look_at
 
@@ -71,17 +73,18 @@ def test_similarity_scales_towards_the_seen_box(category, picture):
 
 
 @pytest.mark.parametrize("estimator", ["cls", "cpd"])
-def test_depth_estimators_come_nearer_to_the_instance_than_the_canonical(category, picture, estimator):
+def test_depth_estimators_bring_the_model_to_what_was_measured(category, picture, estimator):
     from scipy.spatial import cKDTree
 
     image, mask, depth = picture
     result = gt.transfer_grasps(
         image, POSE, "mug", camera=CAMERA, mask=mask, depth=depth, estimator=estimator, refine_pose=False
     )
-    truth = category.instance_mesh(category.test[1]).vertices
-    before = cKDTree(category.canonical.vertices).query(truth)[0].mean()
-    after = cKDTree(result.mesh.vertices).query(truth)[0].mean()
-    assert after < before
+    # Only the seen side: CPD, which knows no category, may ruin the hidden one.
+    measured = depth_cloud(observe(image, POSE, camera=CAMERA, mask=mask, depth=depth))
+    before = cKDTree(category.canonical.vertices).query(measured)[0].mean()
+    after = cKDTree(result.mesh.vertices).query(measured)[0].mean()
+    assert after < 0.7 * before
 
 
 def test_the_field_of_a_pair_takes_points_of_a_to_b(category, picture, true_flow):

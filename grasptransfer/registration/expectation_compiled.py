@@ -4,6 +4,8 @@ Each call handles a range of target points and may run beside others: it holds n
 are taken from differences, in float32, so that they stay exact when sigma is small.
 """
 
+from typing import no_type_check
+
 import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
@@ -31,6 +33,7 @@ def _float_of_bits(typing_context, bits):
 
 
 @njit(inline="always")
+@no_type_check
 def _power_of_two(x):
     """2^x for -126 <= x <= 0, to 1e-7: whole part into the exponent bits, the rest by a polynomial."""
     whole = np.int32(x)
@@ -45,6 +48,7 @@ def _power_of_two(x):
 
 
 @njit(inline="always")
+@no_type_check
 def _least(values):
     """Minimum of numbers that are not NaN; `values.min()` looks for NaN, one by one."""
     least = np.float32(3e38)
@@ -54,6 +58,7 @@ def _least(values):
 
 
 @njit(nogil=True, cache=True, fastmath=RELAXED, error_model="numpy")
+@no_type_check
 def _near_blocks(targets, low, high, bound, reach, near, closest):
     """Write the indices of the source boxes that matter to these (3, g) targets; return their count.
 
@@ -81,6 +86,7 @@ def _near_blocks(targets, low, high, bound, reach, near, closest):
 
 
 @njit(nogil=True, cache=True, fastmath=RELAXED, error_model="numpy")
+@no_type_check
 def expect(
     targets,
     first,
@@ -162,6 +168,7 @@ def expect(
 
 
 @njit(nogil=True, cache=True, fastmath=RELAXED, error_model="numpy")
+@no_type_check
 def _measure(distance, moved, near, x, y, z):
     """Squared distances of one target to the near boxes' points."""
     for block in range(len(distance) // BLOCK):
@@ -173,6 +180,7 @@ def _measure(distance, moved, near, x, y, z):
 
 
 @njit(nogil=True, cache=True, fastmath=RELAXED, error_model="numpy")
+@no_type_check
 def _compare(cost, moved_trait, near, value, scale):
     """Add what one differing trait costs, in units of squared distance."""
     for block in range(len(cost) // BLOCK):
@@ -183,6 +191,7 @@ def _compare(cost, moved_trait, near, value, scale):
 
 
 @njit(nogil=True, cache=True, fastmath=RELAXED, error_model="numpy")
+@no_type_check
 def _add(sums, value, share, targets, start, near, found):
     """Add four targets' responsibilities: one load and store of the sums serves all four."""
     end = targets.shape[1] - 1

@@ -52,7 +52,7 @@ class LatentFitStatus(enum.Enum):
         return {
             LatentFitStatus.CONVERGED: "The fit settled: the field can be used.",
             LatentFitStatus.ITERATION_LIMIT: "It did not settle: check the pose or raise max_iterations.",
-            LatentFitStatus.POOR_FIT: "The cloud is unlike every shape of the space: check category and pose.",
+            LatentFitStatus.POOR_FIT: "The cloud is unlike every known shape: check category and pose.",
         }[self]
 
 
@@ -66,6 +66,7 @@ class LatentFit:
         told_from_refined: (4, 4) points of the refined object frame in the frame of the cloud.
         residual_rms: of the observed points to their nearest model points [m].
         noise_std: of the matches, as estimated [m].
+        cost: half the robust squared residuals and the prior's: a negative log posterior.
         status: outcome, with advice.
         iterations: of the least squares.
     """
@@ -75,6 +76,7 @@ class LatentFit:
     told_from_refined: Float[np.ndarray, "4 4"]
     residual_rms: float
     noise_std: float
+    cost: float
     status: LatentFitStatus
     iterations: int
 
@@ -127,7 +129,11 @@ def latent_fit(
     posed = Posed(model, *space.displacement_model(model), start, pose_prior if refine_pose else None)
     with single_blas_thread():
         state, noise = _match_softly(posed, observed, space, viewpoint)
-        fit = _least_squares(posed, observed, state, noise, viewpoint, robust_scale, max_iterations)
+        visible = None if viewpoint is None else visible_points(posed.points(state), viewpoint)
+        residuals = FitResiduals(posed, observed, noise, robust_scale, visible)
+        # Nearest points have many local optima: what soft matches found competes with the first guess.
+        fits = [_least_squares(residuals, first, max_iterations) for first in (state, posed.start())]
+        fit = min(fits, key=lambda candidate: candidate.cost)
     fit = _judge(fit, space)
     if strict and fit.status is not LatentFitStatus.CONVERGED:
         raise NotSucceeded(
@@ -167,17 +173,14 @@ def _match_softly(
     return state, float(np.sqrt(variance))
 
 
-def _least_squares(
-    posed: Posed, observed, state, noise, viewpoint, robust_scale, max_iterations
-) -> LatentFit:
+def _least_squares(residuals: FitResiduals, state: Float[np.ndarray, "s"], max_iterations: int) -> LatentFit:
+    """Nearest points, robust loss, analytic derivatives."""
     from scipy.optimize import least_squares
 
-    visible = _visible(posed.points(state), viewpoint) if viewpoint is not None else None
-    residuals = FitResiduals(posed, observed, noise, robust_scale, visible)
     solution = least_squares(
-        residuals.values, state, residuals.jacobian, method="trf", x_scale="jac", max_nfev=max_iterations
+        residuals.values, state, residuals.jacobian, method="lm", max_nfev=max_iterations, xtol=1e-6
     )
-    jacobian = residuals.jacobian(solution.x)
+    jacobian, posed = residuals.jacobian(solution.x), residuals.posed
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     latent = slice(len(solution.x) - posed.n_modes, None)
     return LatentFit(
@@ -185,7 +188,8 @@ def _least_squares(
         covariance=covariance[latent, latent],
         told_from_refined=posed.pose(solution.x),
         residual_rms=float(np.sqrt(np.square(residuals.nearest(solution.x)).sum(1).mean())),
-        noise_std=noise,
+        noise_std=residuals.noise,
+        cost=float(solution.cost),
         status=LatentFitStatus.CONVERGED if solution.status > 0 else LatentFitStatus.ITERATION_LIMIT,
         iterations=int(solution.nfev),
     )
