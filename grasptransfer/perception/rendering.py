@@ -17,7 +17,7 @@ import trimesh
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from grasptransfer.camera import Camera
-from grasptransfer.errors import GraspTransferError
+from grasptransfer.errors import GraspTransferError, PoseError
 from grasptransfer.frames import OPENGL_FROM_OPENCV, invert, transform_points
 
 if sys.platform == "linux":
@@ -211,6 +211,8 @@ class _Stage:
     def aim(self, camera: Camera, camera_from_object: Float[np.ndarray, "4 4"]):
         pyrender = _pyrender()
         distance = camera_from_object[2, 3]
+        if distance <= 0:
+            raise PoseError("the object lies behind the camera", key="pose", value=f"z = {distance:.3f} m")
         lens = pyrender.IntrinsicsCamera(
             camera.fx,
             camera.fy,
