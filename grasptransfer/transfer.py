@@ -194,7 +194,7 @@ class GraspTransfer:
         pose = estimate.camera_from_object
         world = CollisionWorld(mesh, scene, pose)
         refined = refine_grasps(warp_grasps(self.grasps, estimate.field), world, self.gripper)
-        checks = check_grasps(refined, world, self.gripper)
+        checks = check_grasps(refined, world, self.gripper, latent=estimate.latent)
         scores = rank_grasps(
             refined,
             checks,
