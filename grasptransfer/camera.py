@@ -37,6 +37,7 @@ class Camera:
                 or not np.isfinite(value)
             ):
                 raise CameraError("must be a finite number", key=field.name, value=value)
+            object.__setattr__(self, field.name, float(value))  # plain, so that YAML can write it
         for name in ("fx", "fy", "width", "height"):
             if getattr(self, name) <= 0:
                 raise CameraError("must be positive", key=name, value=getattr(self, name))

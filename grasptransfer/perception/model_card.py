@@ -33,7 +33,8 @@ def _card(weights: Path, config: TrainingConfig, scores: dict[str, float], run_f
     hours = float(rows[-1]["seconds"]) / 3600 if rows else 0.0
     options = (
         f"--network {config.network} --loss {config.loss} --samples {config.samples} --steps {config.steps} "
-        f"--batch {config.batch} --echo {config.echo} --learning-rate {config.learning_rate:g} --seed {config.seed}"
+        f"--batch {config.batch} --echo {config.echo} --learning-rate {config.learning_rate:g} "
+        f"--seed {config.seed}"
     )
     lines = [
         f"# {weights.name}",

@@ -17,10 +17,11 @@ from grasptransfer.perception.silhouette import Silhouette
 
 # Neighbouring cells err together: all cells count as much as this many independent ones.
 INDEPENDENT_CELLS = 10.0
-ITERATIONS = 16
-CONVERGED = 2e-2  # of a standard deviation; the outline jumps between vertices by about as much
-FIRST_OUTLINE = 3  # iterations on flow and offsets alone, before outlines are near enough to match
-OUTLINE_EVERY = 3  # iterations between two searches for the vertices on the outline
+ITERATIONS = 24
+CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
+# When the vertices on the outline are searched: once flow and offsets have brought it near, and then
+# again; after that they stay, or the fit would jump between neighbouring vertices for ever.
+OUTLINE_SEARCHES = (3, 6, 9)
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class PosePrior:
         translation: along each axis [m].
     """
 
-    rotation: float = np.deg2rad(4.0)
-    translation: float = 0.02
+    rotation: float = np.deg2rad(1.0)
+    translation: float = 0.005
 
 
 @dataclass(frozen=True)
@@ -122,8 +123,8 @@ def fit_pose_and_shape(
         hessian, gradient = _offset_terms(motion, mean, basis, latent)
         flow = _flow_terms(motion, points + mean + basis @ latent, basis, camera, pose)
         hessian, gradient = hessian + flow[0], gradient + flow[1]
-        if outline is not None and outline.silhouette.usable and iteration >= FIRST_OUTLINE:
-            if (iteration - FIRST_OUTLINE) % OUTLINE_EVERY == 0:
+        if outline is not None and outline.silhouette.usable and iteration >= OUTLINE_SEARCHES[0]:
+            if iteration in OUTLINE_SEARCHES:
                 border = outline.silhouette.outline(outline.shaped(latent), pose)
             terms = _outline_terms(outline, border, latent, pose)
             hessian, gradient = hessian + terms[0], gradient + terms[1]
@@ -136,7 +137,7 @@ def fit_pose_and_shape(
         pose[:3, 3] += step[3:6]
         latent = latent + step[6:]
         converged = bool(np.abs(step[6:]).max() < CONVERGED)
-        if converged and (outline is None or iteration > FIRST_OUTLINE + OUTLINE_EVERY):
+        if converged and (outline is None or iteration > OUTLINE_SEARCHES[-1]):
             break
     return PoseAndShape(pose, latent, covariance, converged)
 

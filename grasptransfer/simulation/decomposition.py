@@ -91,7 +91,9 @@ def decompose(
     """
     settings = settings or DecompositionSettings()
     vertices, faces = checked_geometry(mesh)
-    key = hashlib.sha256(repr((VERSION, settings)).encode() + vertices.tobytes() + faces.tobytes()).hexdigest()
+    key = hashlib.sha256(
+        repr((VERSION, settings)).encode() + vertices.tobytes() + faces.tobytes()
+    ).hexdigest()
     path = cache_folder() / "decompositions" / f"{key[:32]}.npz"
     known = _read(path)
     if known is not None:
@@ -236,7 +238,9 @@ def _coacd(
         seed=settings.seed,
     )
     hulls = [manifold3d.Manifold.hull_points(np.asarray(points, float)) for points, _ in pieces]
-    return [_fewer(_vertices(hull), settings.part_vertices) for hull in hulls if hull.volume() > SMALLEST_PART]
+    return [
+        _fewer(_vertices(hull), settings.part_vertices) for hull in hulls if hull.volume() > SMALLEST_PART
+    ]
 
 
 def _vertices(solid: "manifold3d.Manifold") -> Float[np.ndarray, "_ 3"]:

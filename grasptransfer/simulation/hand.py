@@ -93,7 +93,8 @@ def _urdf(gripper: Gripper) -> tuple[str, tuple[tuple[str, str], ...]]:
         meshes += _add_shapes(element, link)
     for joint in source.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
-        assert parent is not None and child is not None
+        assert parent is not None
+        assert child is not None
         if parent.get("link") in links and child.get("link") in links:
             robot.append(joint)
     return ElementTree.tostring(robot, encoding="unicode"), tuple(meshes)
@@ -105,9 +106,7 @@ def _inertial(given: ElementTree.Element | None) -> ElementTree.Element:
     element = ElementTree.Element("inertial")
     ElementTree.SubElement(element, "mass", value=str(LEAST_MASS))
     moment = str(LEAST_MOMENT)
-    ElementTree.SubElement(
-        element, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0"
-    )
+    ElementTree.SubElement(element, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
     return element
 
 

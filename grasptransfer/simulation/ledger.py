@@ -56,7 +56,7 @@ class Ledger:
         self.path = Path(path)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = open(self.path, "ab+", buffering=0)
+            self._file = open(self.path, "ab+", buffering=0)  # noqa: SIM115  (open as long as the ledger)
         except OSError as error:
             raise SettingsError("cannot be written", path=self.path, fix=str(error)) from error
 

@@ -143,7 +143,9 @@ class _Trial:
             return
         fully = self.job.opening > self.world.hand.opening[1] - 1e-6
         if fully and set(self.world.hand.pad_links) <= self.world.overlapping():
-            text = f"both fingers hit the object with the gripper fully open ({self.job.opening * 1e3:.0f} mm)"
+            text = (
+                f"both fingers hit the object with the gripper fully open ({self.job.opening * 1e3:.0f} mm)"
+            )
             raise _Ended(TrialStatus.TOO_WIDE, text)
         text = f"{link} reaches {-distance * 1e3:.1f} mm into {obstacle}"
         raise _Ended(TrialStatus.IN_COLLISION, text)
@@ -263,11 +265,7 @@ class _Trial:
 
     def _both_pads(self, otherwise: TrialStatus | None = None):
         links, _ = self.world.touching()
-        missing = [
-            side
-            for side, pad in zip(("-x", "+x"), self.world.pads, strict=True)
-            if pad not in links
-        ]
+        missing = [side for side, pad in zip(("-x", "+x"), self.world.pads, strict=True) if pad not in links]
         if missing:
             text = f"the {' and the '.join(missing)} pad touches nothing"
             raise _Ended(otherwise or self._slipped(), text)
