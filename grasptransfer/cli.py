@@ -34,7 +34,7 @@ def demo(*, out: Path = Path("demo_out"), seed: int = 0) -> int:
 
     with progress_bar(console) as progress:
         outcome = run_demo(out, seed=seed, on_stage=lambda text: progress.console.print(f"  {text}"))
-    console.print(outcome.sentence)
+    console.print(outcome.sentence, soft_wrap=True)
     return 0 if outcome.usable else 1
 
 
@@ -91,7 +91,7 @@ def transfer(
         seed=seed,
         out=out,
     )
-    console.print(outcome.sentence)
+    console.print(outcome.sentence, soft_wrap=True)
     return 0 if outcome.usable else 1
 
 
@@ -300,6 +300,58 @@ def category_check(category: Positional[Path]) -> int:
     return 2 if faults else 0
 
 
+def category_build(
+    name: Positional[str],
+    *,
+    meshes: Path,
+    canonical: str | None = None,
+    test: tuple[str, ...] = (),
+    out: Path | None = None,
+    front: str = "+x",
+    up: str = "+z",
+    scale: float = 1.0,
+    workers: int = 2,
+    overwrite: bool = False,
+) -> int:
+    """Build a category from your own meshes or point clouds; started again, it resumes.
+
+    Args:
+        name: of the category.
+        meshes: folder of NAME.obj or NAME/mesh.obj (glb gltf obj ply stl off pcd xyz).
+        canonical: instance to take as the canonical model, a name or file; default: the best scored.
+        test: instances to keep out of the shape space.
+        out: folder to write; default: NAME here.
+        front: axis of the files that is the front.
+        up: axis of the files that points up.
+        scale: metres in one unit of the files.
+        workers: processes.
+        overwrite: replace an existing folder, keeping its grasps.
+    """
+    from grasptransfer.category.build import build_category
+    from grasptransfer.report.category_page import category_page
+
+    with progress_bar(console) as progress:
+        task = progress.add_task("checking", total=None)
+        build = build_category(
+            name,
+            meshes=meshes,
+            canonical=Path(canonical).stem if canonical else None,
+            test=test,
+            out=out,
+            front=front,
+            up=up,
+            scale=scale,
+            workers=workers,
+            overwrite=overwrite,
+            progress=lambda state: progress.update(
+                task, description=state.step, completed=state.done, total=state.total
+            ),
+        )
+    page = category_page(build, build.category.folder / "category.html")
+    console.print(f"Category: {build.category.folder}\nEvery registration and the modes: {page}")
+    return 0
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -327,7 +379,12 @@ def _group(name: str) -> Callable[[], int]:
 
 
 GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
-    "category": {"list": category_list, "info": category_info, "check": category_check},
+    "category": {
+        "list": category_list,
+        "info": category_info,
+        "check": category_check,
+        "build": category_build,
+    },
     "bench": BENCHMARKS,
 }
 COMMANDS: dict[str, Callable[..., Any]] = {

@@ -112,7 +112,7 @@ class Page:
         scene.add_label("/canonical/front", "+x: front", position=(0.65 * size, 0.0, 0.0))
         self.controls = scene.add_transform_controls("/gripper", scale=0.7 * size, depth_test=False)
         self.controls.on_update(lambda _: self._dragged())
-        self.server.initial_camera.position = tuple(3 * size * np.array([0.7, 0.9, 0.6]))
+        self.server.initial_camera.position = tuple(2.3 * size * np.array([0.7, 0.9, 0.6]))
         self.server.initial_camera.look_at = (0.0, 0.0, 0.0)
 
     def _build_panel(self) -> None:

@@ -17,6 +17,8 @@ import yaml
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFilter
 from scipy.spatial.transform import Rotation
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from grasptransfer import shapes
 from grasptransfer.camera import Camera
@@ -92,7 +94,7 @@ def render_table(camera_from_object: Float[np.ndarray, "4 4"]) -> UInt8[np.ndarr
     mug = load_category(CATEGORY).instance_scene(INSTANCE)
     height = float(mug.bounds[0, 2])
     others = [_placed(thing, height) for thing in CLUTTER]
-    things = [mug.to_geometry(), *(scene.to_geometry() for scene in others)]
+    things = [_one_mesh(scene) for scene in (mug, *others)]
     room = [_wall(height), _table(things, height)]
     opaque_first = trimesh.Scene()
     for part in [*room, *(part for scene in others for part in scene.dump()), *mug.dump()]:
@@ -106,6 +108,12 @@ def render_table(camera_from_object: Float[np.ndarray, "4 4"]) -> UInt8[np.ndarr
     with Renderer() as renderer:
         drawn = renderer.render(opaque_first, camera, camera_from_object, lighting=lighting)
     return _as_photographed(smaller(drawn.rgb, SUPERSAMPLING))
+
+
+def _one_mesh(scene: trimesh.Scene) -> trimesh.Trimesh:
+    mesh = scene.to_geometry()
+    assert isinstance(mesh, trimesh.Trimesh)
+    return mesh
 
 
 def _placed(thing: Clutter, height: float) -> trimesh.Scene:
@@ -149,12 +157,8 @@ def _wall(height: float) -> trimesh.Trimesh:
 def _textured(
     corners: Float[np.ndarray, "4 3"], texture: Image.Image, *, roughness: float
 ) -> trimesh.Trimesh:
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorTexture=texture, metallicFactor=0.0, roughnessFactor=roughness
-    )
-    visual = trimesh.visual.TextureVisuals(
-        uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float), material=material
-    )
+    material = PBRMaterial(baseColorTexture=texture, metallicFactor=0.0, roughnessFactor=roughness)
+    visual = TextureVisuals(uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float), material=material)
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
 
 

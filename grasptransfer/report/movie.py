@@ -1,5 +1,6 @@
 """Moving pictures of a recorded trial: the true mesh and the gripper, from a side that shows both fingers."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,7 @@ FIELD_OF_VIEW = 0.5  # rad, before the zoom
 AZIMUTHS, ELEVATIONS = np.deg2rad(np.arange(0, 360, 15)), np.deg2rad([15, 30, 50])
 MOST_FRAMES = 60
 ENTERING = 0.6  # share of the way in that is not framed: the gripper enters the picture
+FARTHEST = 0.45  # m from the hand: what was dropped falls out of the picture
 TABLE = (0.5, 0.5, 0.01)  # m
 
 
@@ -45,19 +47,20 @@ def movie(
         return []
     pads = {pad.link for pad in gripper.pads}
     colour = USABLE if trial.held else REFUSED
-    links = [
-        link for link in gripper.links if link.visual is not None and link.name in recording.world_from_link
-    ]
+    known = recording.world_from_link
+    shapes = {k.name: k.visual for k in gripper.links if k.visual is not None and k.name in known}
     parts = [painted(mesh, OBJECT)]
-    parts += [painted(link.visual, colour if link.name in pads else HAND) for link in links]
+    parts += [painted(shape, colour if name in pads else HAND) for name, shape in shapes.items()]
     moments = np.unique(np.linspace(0, len(recording.seconds) - 1, MOST_FRAMES).round().astype(int))
     poses = [recording.world_from_object[moments]]
-    poses += [recording.world_from_link[link.name][moments] for link in links]
-    holding = [True] + [link.name in pads for link in links]
+    poses += [recording.world_from_link[name][moments] for name in shapes]
+    holding = [True] + [name in pads for name in shapes]
     approaching = sum(recording.phases[moment] == "approach" for moment in moments)
     shown = slice(min(round(ENTERING * approaching), len(moments) - 1), None)
     corners = _corners(parts, [moves[shown] for moves in poses], holding)
-    view = _view(corners, _direction(recording, links, pads))
+    base = known[gripper.base_link][:, :3, 3].mean(0)
+    near = np.linalg.norm(corners - base, axis=1) < FARTHEST
+    view = _view(corners[near] if near.any() else corners, _direction(recording, shapes, pads))
     if recording.table_height is not None:
         parts.append(painted(trimesh.creation.box(TABLE), OBSTACLE))
         below = rigid(np.eye(3), np.array([0, 0, recording.table_height - TABLE[2] / 2]))
@@ -86,11 +89,11 @@ def _corners(parts, poses, framed_parts: list[bool]) -> Float[np.ndarray, "m 3"]
     return np.concatenate(boxes)
 
 
-def _direction(recording: "Recording", links, pads: set[str]) -> tuple[float, float]:
+def _direction(recording: "Recording", links: Iterable[str], pads: set[str]) -> tuple[float, float]:
     """Azimuth and elevation of a camera that sees the fingers side by side, and no back of the hand."""
     first = {name: poses[0, :3, 3] for name, poses in recording.world_from_link.items()}
-    tips = [first[link.name] for link in links if link.name in pads]
-    base = [first[link.name] for link in links if link.name not in pads]
+    tips = [first[name] for name in links if name in pads]
+    base = [first[name] for name in links if name not in pads]
     if len(tips) < 2 or not base:
         return 0.6, float(ELEVATIONS[0])
     closing, approach = tips[1] - tips[0], np.mean(tips, axis=0) - base[0]
@@ -100,7 +103,7 @@ def _direction(recording: "Recording", links, pads: set[str]) -> tuple[float, fl
     def clarity(azimuth: float, elevation: float) -> float:
         level = np.cos(elevation)
         to_camera = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-        return 0.8 * abs(to_camera @ across) - 0.9 * abs(to_camera @ approach) - 0.2 * elevation
+        return float(0.8 * abs(to_camera @ across) - 0.9 * abs(to_camera @ approach) - 0.2 * elevation)
 
     return max(((a, e) for a in AZIMUTHS for e in ELEVATIONS), key=lambda pair: clarity(*pair))
 

@@ -83,7 +83,7 @@ def write_page(
 
 
 def _document(result: "TransferResult", trials: Sequence, body: str) -> str:
-    style = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+    style = resources.files("grasptransfer.report").joinpath("page.css").read_text(encoding="utf-8")
     title = headline(result)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'

@@ -141,17 +141,20 @@ class Pictures:
         moved_mm = 1e3 * self.result.field.displacement(points)
         limit = _limit(moved_mm)
         colour_map = colormaps[MAP]
-        pictures = [_mapped(moved_mm[:, axis], visible, limit, colour_map) for axis in range(3)]
-        largest = np.abs(moved_mm).max(0) if len(moved_mm) else np.zeros(3)
+        along_x, along_y, along_z = (
+            _mapped(moved_mm[:, axis], visible, limit, colour_map) for axis in range(3)
+        )
+        x, y, z = (float(np.abs(moved_mm[:, axis]).max(initial=0.0)) for axis in range(3))
         colours = tuple(_rgb(colour) for colour in colour_map(np.linspace(0, 1, 11)))
-        return DeformationMaps(tuple(pictures), limit, tuple(float(one) for one in largest), colours)
+        return DeformationMaps((along_x, along_y, along_z), limit, (x, y, z), colours)
 
 
 def outlined(picture: Picture, inside: Bool[np.ndarray, "h w"], colour: Colour) -> Picture:
     """The picture with a smooth line around a region, dark-edged so that it shows on any ground."""
     if inside.all() or not inside.any():
         return picture
-    signed = ndimage.distance_transform_edt(~inside) - ndimage.distance_transform_edt(inside)
+    outside, within = (np.asarray(ndimage.distance_transform_edt(part)) for part in (~inside, inside))
+    signed = outside - within
     distance = np.abs(ndimage.gaussian_filter(signed, 1.0))
     drawn = picture.astype(float)
     for ink, half in (((20, 22, 26), LINE + 1), (colour, LINE)):

@@ -57,7 +57,9 @@ def write_reconstruction(mesh: trimesh.Trimesh, path: Path) -> Path:
     fresh = trimesh.Trimesh(
         np.asarray(mesh.vertices), np.asarray(mesh.faces), visual=mesh.visual, process=False
     )
-    write_whole(path, trimesh.Scene(fresh).export(file_type="glb", include_normals=True))
+    content = trimesh.Scene(fresh).export(file_type="glb", include_normals=True)
+    assert isinstance(content, bytes)
+    write_whole(path, content)
     return path
 
 
@@ -87,7 +89,7 @@ def as_data(result: "TransferResult") -> dict:
         "image": {
             "width": observation.camera.width,
             "height": observation.camera.height,
-            "sha256": hashlib.sha256(np.ascontiguousarray(observation.image)).hexdigest(),
+            "sha256": hashlib.sha256(observation.image.tobytes()).hexdigest(),
         },
         "camera": {name: float(getattr(observation.camera, name)) for name in ("fx", "fy", "cx", "cy")},
         "told_camera_from_object": _rows(observation.camera_from_object),

@@ -6,6 +6,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.camera import Camera
 from grasptransfer.frames import invert, transform_points
@@ -55,14 +57,14 @@ def painted(mesh: trimesh.Trimesh, colour: Colour, *, opacity: float = 1.0) -> t
     plain = trimesh.Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), process=False)
     plain.merge_vertices(merge_tex=True, merge_norm=True)  # seams of the texture are no creases
     plain = trimesh.graph.smooth_shade(plain, angle=CREASE)
-    material = trimesh.visual.material.PBRMaterial(
+    material = PBRMaterial(
         baseColorFactor=[*colour, round(255 * opacity)],
         metallicFactor=0.0,
         roughnessFactor=0.75,
         alphaMode="OPAQUE" if opacity == 1 else "BLEND",
     )
     normals = plain.vertex_normals
-    plain.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(plain.vertices), 2)), material=material)
+    plain.visual = TextureVisuals(uv=np.zeros((len(plain.vertices), 2)), material=material)
     return trimesh.Trimesh(
         plain.vertices, plain.faces, vertex_normals=normals, visual=plain.visual, process=False
     )
@@ -71,9 +73,14 @@ def painted(mesh: trimesh.Trimesh, colour: Colour, *, opacity: float = 1.0) -> t
 def together(parts: list[trimesh.Trimesh]) -> trimesh.Scene:
     """Parts in one scene, see-through ones last."""
     scene = trimesh.Scene()
-    for part in sorted(parts, key=lambda part: part.visual.material.alphaMode == "BLEND"):
+    for part in sorted(parts, key=_see_through):
         scene.add_geometry(part)
     return scene
+
+
+def _see_through(part: trimesh.Trimesh) -> bool:
+    material = getattr(part.visual, "material", None)
+    return getattr(material, "alphaMode", None) == "BLEND"
 
 
 class Studio:
