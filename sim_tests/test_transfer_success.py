@@ -1,0 +1,59 @@
+"""Grasps transferred from one picture are executed on the true mesh, through the public API."""
+
+import pytest
+import yaml
+
+import grasptransfer as gt
+from grasptransfer.frames import invert
+from grasptransfer.report.pose_file import load_pose
+
+
+@pytest.fixture(scope="module")
+def mug():
+    return gt.load_category("mug")
+
+
+def test_annotated_grasps_hold_the_canonical_mug(mug):
+    from grasptransfer.grasping import load_grasps
+
+    trials = gt.simulate(load_grasps(mug.grasps_path, category=mug), mug.canonical, "panda")
+    assert sum(trial.held for trial in trials) >= len(trials) - 1
+
+
+def test_a_grasp_far_beside_the_object_finds_nothing(mug):
+    import numpy as np
+
+    beside = np.eye(4)
+    beside[:3, 3] = [0.5, 0.5, 0.0]
+    (trial,) = gt.simulate([beside], mug.canonical, "panda")
+    assert trial.status.name == "NO_CONTACT"
+
+
+def test_a_grasp_from_the_bundled_picture_is_held_on_the_true_mug(mug):
+    folder = mug.folder / "demo"
+    result = gt.transfer_grasps(
+        folder / "picture.png",
+        load_pose(folder / "pose.yaml"),
+        mug,
+        camera=gt.Camera.load(folder / "camera.yaml"),
+    )
+    truth = yaml.safe_load((folder / "truth.yaml").read_text())
+    object_from_camera = invert(load_pose(folder / "truth.yaml"))
+    executed = [
+        _Placed(grasp.name, object_from_camera @ grasp.camera_from_gripper, grasp.width, grasp.opening)
+        for grasp in result.usable
+    ]
+    trials = gt.simulate(executed, mug.instance_mesh(truth["instance"]), result.gripper)
+    assert sum(trial.held for trial in trials) >= len(trials) // 3
+
+
+class _Placed:
+    """A grasp placed on the true object."""
+
+    def __init__(self, name, object_from_gripper, width, opening):
+        self.name, self.object_from_gripper, self.width, self.opening = (
+            name,
+            object_from_gripper,
+            width,
+            opening,
+        )
