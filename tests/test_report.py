@@ -353,3 +353,31 @@ def test_the_annotator_refuses_names_that_clash(session, category):
 def test_a_file_for_another_gripper_is_refused(category):
     with pytest.raises(GraspFileError, match="panda"):
         Session(category, gt.load_gripper("wsg50"))
+
+
+def test_the_annotators_page_follows_what_is_dragged_and_typed(session, category):
+    import viser
+
+    from grasptransfer.annotator.browser import Page
+
+    session.add("edge")
+    session.move("edge", load_grasps(category.grasps_path)[0].canonical_from_gripper)
+    server = viser.ViserServer(host="127.0.0.1", port=8917, verbose=False)
+    try:
+        page = Page(server, session)
+        assert "**free**" in page.status.content
+        page.controls.position = tuple(np.add(page.controls.position, [0, 0, 0.05]))
+        page._dragged()
+        page.refresh()
+        assert "**no contact**" in page.status.content
+        assert session.grasp("edge").canonical_from_gripper[2, 3] > category.canonical.bounds[1, 2]
+        page._later(lambda: page._new("edge"))
+        page._later(lambda: page._rename("edge"))
+        page.refresh()
+        assert "name of another grasp" in page.status.content
+        page._later(lambda: page._rename("copy"))
+        page._later(page._save)
+        page.refresh()
+        assert [grasp.name for grasp in load_grasps(session.path)] == ["edge", "copy"]
+    finally:
+        server.stop()

@@ -95,6 +95,7 @@ def _slip(group: "Sequence[TrialResult]") -> str:
 
 def _events(group: "Sequence[TrialResult]") -> str:
     if len(group) == 1:
-        return f"{group[0].status.value}: {group[0].detail}" if group[0].detail else group[0].status.value
+        status, detail = group[0].status.value, group[0].detail
+        return detail if detail.startswith(status) else f"{status}: {detail}".removesuffix(": ")
     counted = Counter(outcome.status.value for outcome in group).most_common()
     return ", ".join(f"{count} {text}" for text, count in counted)
