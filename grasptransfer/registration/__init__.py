@@ -6,7 +6,8 @@ from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdSta
 from grasptransfer.registration.field import DeformationField, FieldPair, register_pair
 from grasptransfer.registration.fit_residuals import PosePrior
 from grasptransfer.registration.latent_fit import LatentFit, LatentFitStatus, latent_fit
-from grasptransfer.registration.shape_space import LatentPosterior, ShapeSpace, SpaceScore
+from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
+from grasptransfer.registration.shape_space import ShapeSpace
 
 __all__ = [
     "CpdProgress",

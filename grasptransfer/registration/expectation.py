@@ -28,6 +28,7 @@ CUTOFF = 18.0  # pairs less likely by e^-18 than the nearest one do not count
 LARGEST_EXPONENT = 80.0  # float32's smallest normal number is e^-87
 CHUNK = 128  # target points that NumPy treats at once
 FEWEST_PAIRS = 400_000  # for each thread; handing over less costs more than it saves
+PRODUCT_ABOVE = 1e-3  # sigma^2 below which |x|^2 - 2 x y + |y|^2 in float32 is too coarse
 FAR = 1e9  # where source points that only fill up a box are put
 NO_OUTLIERS = -1e30  # log of an outlier term of zero
 
@@ -163,7 +164,8 @@ class EStep:
             points = self._target[:, chunk]
             bound = self._nearest[chunk].max()
             near = self._near(points, boxes, bound, self._reach(variance), len(moved))
-            distance = _squared_distances(points, moved[near])
+            measure = _by_product if variance > PRODUCT_ABOVE else _by_difference
+            distance = measure(points, moved[near])
             cost = distance
             if len(self._traits[0]):
                 unlike = self._traits[0][:, chunk, None] - self._traits[1][:, None, : len(moved)][:, :, near]
@@ -202,8 +204,10 @@ class EStep:
         return tuple(np.ascontiguousarray(side.T * scale, dtype=np.float32) for side in pair)
 
 
-def _squared_distances(points: Float[np.ndarray, "3 g"], moved: Float[np.ndarray, "n 3"]):
-    """(g, n) by one matrix product; centred on the chunk, so that small distances stay exact."""
+def _by_product(
+    points: Float[np.ndarray, "3 g"], moved: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "g n"]:
+    """Squared distances by one matrix product; centred on the chunk, to lose few digits."""
     centre = points.mean(1)
     points, moved = points - centre[:, None], moved - centre
     ones = np.ones((1, points.shape[1]), np.float32)
@@ -213,3 +217,14 @@ def _squared_distances(points: Float[np.ndarray, "3 g"], moved: Float[np.ndarray
     )
     distance = left.T @ right
     return np.maximum(distance, 0, out=distance)
+
+
+def _by_difference(
+    points: Float[np.ndarray, "3 g"], moved: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "g n"]:
+    """Squared distances from differences: three times slower, and exact."""
+    distance = np.square(points[0][:, None] - moved[:, 0])
+    for axis in (1, 2):
+        difference = points[axis][:, None] - moved[:, axis]
+        distance += np.square(difference, out=difference)
+    return distance

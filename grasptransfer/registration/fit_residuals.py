@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
+NEIGHBOURS = 10  # that span a point's tangent plane
 COVERAGE = 0.3  # weight of a visible model point without observed counterpart, against an observed point
 
 
@@ -112,12 +113,17 @@ class FitResiduals:
     Args:
         observed: (m, 3) [m].
         noise: standard deviation of the matches [m].
-        robust_scale: residuals beyond this many of them grow linearly only (pseudo-Huber).
+        robust_scale: residuals beyond this many of them count less and less (Cauchy).
         visible: (p,) model points that should have an observed counterpart; None asks it of none.
+        sliding: how freely a match may slide along the surface: 0 holds it, 1 lets it go.
     """
 
-    def __init__(self, posed: Posed, observed, noise: float, robust_scale: float, visible=None):
+    def __init__(
+        self, posed: Posed, observed, noise: float, robust_scale: float, visible=None, sliding: float = 0.0
+    ):
         from scipy.spatial import cKDTree
+
+        self._hold, self._normals = 1 - sliding, surface_normals(observed) if sliding else None
 
         self.posed, self.observed = posed, observed
         self.noise, self.robust_scale = noise, robust_scale
@@ -131,15 +137,16 @@ class FitResiduals:
     def values(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "r"]:
         """Robust residuals of the matches, then of the prior."""
         differences, _, weights = self._matches(state)
-        stretched, _, _ = self._robust(differences / self.noise)
+        stretched, _, _ = self._robust(self._slide(differences) / self.noise)
         return np.concatenate([(weights[:, None] * stretched).ravel(), self.posed.root_precision * state])
 
     def jacobian(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "r s"]:
         """Derivative of `values`; the matches are held."""
         differences, chosen, weights = self._matches(state)
+        differences = self._slide(differences)
         _, across, along = self._robust(differences / self.noise)
         unit = differences / np.maximum(np.linalg.norm(differences, axis=1), 1e-300)[:, None]
-        rows = self.posed.jacobian(state, chosen) / self.noise
+        rows = self._slide(self.posed.jacobian(state, chosen)) / self.noise
         in_line = np.einsum("mi,mis->ms", unit, rows)
         rows = (
             across[:, None, None] * rows
@@ -159,26 +166,44 @@ class FitResiduals:
             moved = self.posed.points(state)
             chosen = self._tree(moved).query(self.observed)[1]
             differences, weights = moved[chosen] - self.observed, np.ones(len(chosen))
+            seen = np.arange(len(chosen))
             if len(self.visible):
                 counterpart = self._observed_tree.query(moved[self.visible])[1]
                 chosen = np.concatenate([chosen, self.visible])
                 differences = np.concatenate([differences, moved[self.visible] - self.observed[counterpart]])
+                seen = np.concatenate([seen, counterpart])
                 weights = np.concatenate([weights, np.full(len(self.visible), self._coverage)])
-            self._last = key, (differences, chosen, weights)
-        return self._last[1]
+            self._last = key, (differences, chosen, weights, seen)
+        return self._last[1][:3]
+
+    def _slide(self, rows: Float[np.ndarray, "m 3 ..."]) -> Float[np.ndarray, "m 3 ..."]:
+        """Shorten the part along the observed surface."""
+        if self._normals is None:
+            return rows
+        normals = self._normals[self._last[1][3]]
+        across = np.einsum("mi,mi...->m...", normals, rows)
+        normals = normals.reshape(*normals.shape, *[1] * (rows.ndim - 2))
+        return self._hold * rows + (1 - self._hold) * normals * across[:, None]
 
     def _robust(self, residuals: Float[np.ndarray, "m 3"]):
         """Shortened residuals, and their derivatives across and along the residual.
 
-        Their squared length is Huber's smooth loss 2 c^2 (sqrt(1 + (d / c)^2) - 1).
+        Their squared length is Cauchy's loss c^2 log(1 + (d / c)^2): far points hardly pull.
         """
-        scale = self.robust_scale
-        length = np.linalg.norm(residuals, axis=1)
-        root = np.sqrt(1 + (length / scale) ** 2)
-        # 2 c^2 (root - 1) = 2 d^2 / (root + 1), without cancellation
-        across = np.sqrt(2 / (root + 1))
-        along = 1 / (root * across)
+        squared = np.square(residuals).sum(1) / self.robust_scale**2
+        squared = np.maximum(squared, 1e-12)  # the limits at zero are 1
+        across = np.sqrt(np.log1p(squared) / squared)
+        along = 1 / ((1 + squared) * across)
         return residuals * across[:, None], across, along
+
+
+def surface_normals(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+    """Unit normals of the surface a cloud lies on, of either sign, from each point's neighbours."""
+    from scipy.spatial import cKDTree
+
+    neighbours = points[cKDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1]]
+    centred = neighbours - neighbours.mean(1, keepdims=True)
+    return np.linalg.eigh(np.einsum("mki,mkj->mij", centred, centred))[1][:, :, 0]
 
 
 def _rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -91,6 +91,7 @@ def latent_fit(
     pose_prior: PosePrior | None = None,
     viewpoint: Float[np.ndarray, "3"] | None = None,
     robust_scale: float = 3.0,
+    sliding: float = 0.8,
     max_iterations: int = 50,
     strict: bool = False,
 ) -> LatentFit:
@@ -107,6 +108,8 @@ def latent_fit(
         viewpoint: (3,) where the cloud was seen from, told object frame [m]; then hidden model points are
             not matched, and visible ones are drawn to the cloud. None where it was seen from all sides.
         robust_scale: residuals beyond this many standard deviations count less.
+        sliding: how freely matches slide along the surface, 0 to 1: at 0 the distance between points is
+            minimised, which holds a dense cloud where it was first matched.
         max_iterations: of the least squares.
         strict: raise when it did not succeed.
 
@@ -130,7 +133,7 @@ def latent_fit(
     with single_blas_thread():
         state, noise = _match_softly(posed, observed, space, viewpoint)
         visible = None if viewpoint is None else visible_points(posed.points(state), viewpoint)
-        residuals = FitResiduals(posed, observed, noise, robust_scale, visible)
+        residuals = FitResiduals(posed, observed, noise, robust_scale, visible, sliding)
         # Nearest points have many local optima: what soft matches found competes with the first guess.
         fits = [_least_squares(residuals, first, max_iterations) for first in (state, posed.start())]
         fit = min(fits, key=lambda candidate: candidate.cost)

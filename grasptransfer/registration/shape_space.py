@@ -28,44 +28,13 @@ from grasptransfer.errors import PointCloudError, SettingsError
 from grasptransfer.registration.clouds import Normaliser, check_points
 from grasptransfer.registration.field import DeformationField, positive
 from grasptransfer.registration.kernels import LowRankKernel, compress, gaussian_times, pivoted_cholesky
+from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
 from grasptransfer.registration.ppca import fit_closed, fit_em
 from grasptransfer.registration.storage import load_arrays, save_arrays
 
 KIND = "shape space"
 METRICS = ("GW", "G", "W")
 METHODS = ("closed", "em")
-
-
-@dataclass(frozen=True, eq=False)
-class LatentPosterior:
-    """What observed displacements say of the latent.
-
-    Args:
-        mean: (k,) most likely latent.
-        covariance: (k, k) how unsure it is.
-        residual_rms: of the displacements that the space cannot explain [m].
-    """
-
-    mean: Float[np.ndarray, "k"]
-    covariance: Float[np.ndarray, "k k"]
-    residual_rms: float
-
-    def sample(self, rng: np.random.Generator, count: int) -> Float[np.ndarray, "s k"]:
-        """Plausible latents, to see how unsure the hidden side is."""
-        return rng.multivariate_normal(self.mean, self.covariance, size=count)
-
-
-@dataclass(frozen=True)
-class SpaceScore:
-    """How well a field belongs to the category.
-
-    Args:
-        mahalanobis: RMS of the latent's entries; about 1 for members of the category.
-        residual_rms: displacement of the control points that the space cannot express [m].
-    """
-
-    mahalanobis: float
-    residual_rms: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,10 +133,12 @@ class ShapeSpace:
             )
         seen = None if observed is None else np.repeat(observed, 3, axis=1)
         em = fit_em(features, n_modes, observed=seen, seed=seed)
+        # Features with gaps need not be those of any smooth field.
+        rough = 0.0 if observed is None else em.noise_variance
         return dataclasses.replace(
             empty,
-            mean=empty._weights_of(em.mean),
-            basis=np.stack([empty._weights_of(mode) for mode in em.loading]),
+            mean=empty._weights_of(em.mean, rough),
+            basis=np.stack([empty._weights_of(mode, rough) for mode in em.loading]),
             variances=em.variances,
             noise_variance=em.noise_variance,
         )
@@ -246,16 +217,7 @@ class ShapeSpace:
                 key="displacements",
                 value=len(displacements),
             )
-        noise = np.broadcast_to(np.asarray(noise_std, dtype=float), (len(mean),))
-        if not (np.isfinite(noise).all() and (noise > 0).all()):
-            raise SettingsError("must be finite and above 0", key="noise_std")
-        weighted = (basis / noise[:, None, None]).reshape(-1, self.n_modes)
-        offset = ((displacements - mean) / noise[:, None]).ravel()
-        covariance = np.linalg.inv(np.eye(self.n_modes) + weighted.T @ weighted)
-        latent = covariance @ (weighted.T @ offset)
-        residual = displacements - mean - basis @ latent
-        rms = float(np.sqrt(np.square(residual).sum(1).mean())) if len(residual) else 0.0
-        return LatentPosterior(latent, (covariance + covariance.T) / 2, rms)
+        return LatentPosterior.of(mean, basis, displacements, noise_std)
 
     def score(self, weights: Float[np.ndarray, "n 3"]) -> SpaceScore:
         """How well a field's weights belong to the category; large values are strangers."""
@@ -305,13 +267,15 @@ class ShapeSpace:
         coefficients = self._low_rank.factor.T @ weights
         return coefficients if self.metric == "G" else self._low_rank.factor @ coefficients
 
-    def _weights_of(self, features: Float[np.ndarray, "d"]) -> Float[np.ndarray, "n 3"]:
-        """The shortest weights that the metric sees as these features."""
+    def _weights_of(self, features: Float[np.ndarray, "d"], noise: float) -> Float[np.ndarray, "n 3"]:
+        """The shortest weights that the metric sees as these features, but for their noise."""
         features = features.reshape(-1, 3)
         if self.metric == "W":
             return features
-        if self.metric == "GW":
-            features = np.linalg.lstsq(self._low_rank.factor, features, rcond=None)[0]
+        if self.metric == "GW":  # ridge: only very large weights could follow noise through G
+            factor = self._low_rank.factor
+            normal = factor.T @ factor + max(noise, 1e-14) * np.eye(factor.shape[1])
+            features = np.linalg.solve(normal, factor.T @ features)
         return self._low_rank.shortest_weights(features)
 
     def _check_latent(self, latent) -> Float[np.ndarray, "k"]:

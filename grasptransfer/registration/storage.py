@@ -2,7 +2,10 @@
 
 import hashlib
 import os
+import struct
+import tokenize
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,9 @@ import numpy as np
 from grasptransfer.errors import FieldFileError
 
 VERSION = 1
+# What zip and numpy raise where bytes are wrong.
+UNREADABLE = (ValueError, OSError, EOFError, KeyError, NotImplementedError, RuntimeError, TypeError)
+UNREADABLE += (MemoryError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError, SyntaxError)
 
 
 def save_arrays(path: str | Path, kind: str, arrays: dict[str, np.ndarray]):
@@ -46,7 +52,7 @@ def load_arrays(path: str | Path, kind: str) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
+    except UNREADABLE as error:
         raise FieldFileError(f"cannot be read as npz: {error}", path=path) from error
     header = {name: arrays.pop(name, None) for name in ("kind", "version", "sha256")}
     if any(value is None for value in header.values()):

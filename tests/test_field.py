@@ -1,0 +1,305 @@
+"""Deformation fields: laws, files and bad input."""
+
+import logging
+import os
+import time
+
+import jaxtyping
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasptransfer.errors import FieldFileError, PointCloudError, SettingsError
+from grasptransfer.registration import DeformationField, ShapeSpace, register_pair
+from grasptransfer.registration.kernels import compress, gaussian, gaussian_times, pivoted_cholesky
+
+SIZE = 0.07  # m
+
+
+def cloud(count: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(count, 3)) * SIZE * [0.5, 0.4, 0.8]
+
+
+def smooth_target(points: np.ndarray) -> np.ndarray:
+    return points * [1.15, 0.9, 1.05] + 0.005 * np.sin(20 * points[:, [1, 2, 0]])
+
+
+def fitted(seed: int = 0, *, beta: float = 1.0, count: int = 200) -> DeformationField:
+    points = cloud(count, seed)
+    return DeformationField.fit(points, points, smooth_target(points), beta=beta)
+
+
+@pytest.fixture
+def as_users_run_it():
+    """Without the run-time type checker of the tests, which would answer first."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
+
+
+seeds = st.integers(0, 10_000)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=seeds, beta=st.floats(0.1, 3))
+def test_zero_weights_are_the_identity(seed, beta):
+    points = cloud(30, seed)
+    field = DeformationField.identity(points, beta=beta)
+    others = cloud(20, seed + 1)
+    assert np.array_equal(field(others), others)
+    assert np.array_equal(field.jacobian(others), np.broadcast_to(np.eye(3), (20, 3, 3)))
+    assert np.array_equal(field.inverse(others), others)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=seeds, beta=st.floats(0.3, 3))
+def test_the_displacement_is_the_formula(seed, beta):
+    rng = np.random.default_rng(seed)
+    control, weights, points = cloud(15, seed), rng.normal(size=(15, 3)), cloud(7, seed + 1)
+    field = DeformationField(control, weights, beta, np.array([0.01, 0.02, 0.03]), 0.05)
+    squared = np.square((points[:, None] - control) / 0.05).sum(2)
+    expected = 0.05 * np.exp(-squared / (2 * beta**2)) @ weights
+    np.testing.assert_allclose(field.displacement(points), expected, atol=1e-13)  # float64 rounding
+    np.testing.assert_allclose(field(points), points + expected, atol=1e-13)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=seeds, beta=st.floats(0.3, 2))
+def test_the_jacobian_is_that_of_finite_differences(seed, beta):
+    rng = np.random.default_rng(seed)
+    field = DeformationField(cloud(30, seed), rng.normal(size=(30, 3)), beta, np.zeros(3), SIZE)
+    points, step = cloud(10, seed + 1), 1e-5 * SIZE
+    columns = [(field(points + step * axis) - field(points - step * axis)) / (2 * step) for axis in np.eye(3)]
+    # Central differences err by step^2 |v'''| / 6, v''' at most some 100 / beta^3 here, and by rounding.
+    np.testing.assert_allclose(field.jacobian(points), np.stack(columns, axis=2), atol=1e-6)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds)
+def test_the_inverse_undoes_the_field(seed):
+    field, points = fitted(seed), cloud(50, seed + 1)
+    found = field.inverse(field(points))
+    np.testing.assert_allclose(found, points, atol=1e-5 * SIZE)  # accepted at 1e-7, the Jacobian is near I
+
+
+def test_a_folded_field_inverts_as_far_as_it_can_and_says_so(caplog):
+    points = np.array([[0.0, 0, 0], [0.05, 0, 0]])
+    folded = DeformationField(points, np.array([[3.0, 0, 0], [-3.0, 0, 0]]), 0.5, np.zeros(3), 0.05)
+    wanted = np.stack([np.linspace(-0.3, 0.3, 200), np.zeros(200), np.zeros(200)], axis=1)
+    with caplog.at_level(logging.WARNING):
+        found = folded.inverse(wanted)
+    assert np.isfinite(found).all()
+    reached = np.linalg.norm(folded(found) - wanted, axis=1) <= 1e-7 * 0.05
+    assert reached.all() or "folds" in caplog.text
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=seeds, beta=st.floats(0.5, 2))
+def test_a_fit_recovers_a_field_of_its_own_kind(seed, beta):
+    rng = np.random.default_rng(seed)
+    control = cloud(60, seed)
+    true = DeformationField.fit(control, control, control + 0.004 * rng.normal(size=control.shape), beta=beta)
+    points = cloud(300, seed + 1)
+    found = DeformationField.fit(control, points, true(points), beta=beta, regularisation=1e-9)
+    # 1e-9 of regularisation and a factor good to 1e-10 leave a ten-thousandth of the displacement.
+    moved = np.abs(true.displacement(points)).max()
+    assert np.abs(found(points) - true(points)).max() < 1e-3 * moved
+
+
+def test_a_fit_goes_through_smooth_correspondences():
+    points = cloud(400)
+    field = DeformationField.fit(points, points, smooth_target(points), beta=1.0)
+    others = cloud(100, 1)
+    assert np.abs(field(points) - smooth_target(points)).max() < 1e-4
+    # Between the known points, too: a tenth of a millimetre, half a millimetre at the cloud's rim.
+    assert np.median(np.linalg.norm(field(others) - smooth_target(others), axis=1)) < 1e-4
+
+
+def test_stronger_regularisation_bends_less():
+    points = cloud(100)
+    noisy = points + np.random.default_rng(0).normal(size=points.shape) * 0.01
+    bending = []
+    for regularisation in (1e-6, 1e-3, 1.0, 1e3):
+        field = DeformationField.fit(points, points, noisy, beta=0.5, regularisation=regularisation)
+        normalised = field.normaliser(points)
+        bending.append(np.trace(field.weights.T @ gaussian(normalised, normalised, 0.5) @ field.weights))
+    assert bending == sorted(bending, reverse=True)
+
+
+@pytest.mark.parametrize("beta", [0.5, 1.0, 2.0])
+def test_compressing_does_not_change_the_field(beta):
+    field = fitted(beta=beta, count=600)
+    normalised = field.normaliser(field.control_points)
+    centres, weights = compress(normalised, beta, field.weights)
+    others = field.normaliser(cloud(500, 3))
+    plain = gaussian_times(others, normalised, beta, field.weights)
+    # The tolerance is 1e-11 in the kernel's norm; fitted weights reach some thousands.
+    assert np.abs(gaussian_times(others, centres, beta, weights) - plain).max() < 1e-6 * np.abs(plain).max()
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds, beta=st.floats(0.2, 3), tolerance=st.sampled_from([1e-3, 1e-7, 1e-10]))
+def test_the_kernels_factor_is_as_good_as_asked(seed, beta, tolerance):
+    points = cloud(80, seed) / SIZE
+    factor = pivoted_cholesky(points, beta, tolerance=tolerance).factor
+    # The largest entry of a positive semidefinite remainder is on its diagonal; 1e-14: rounding.
+    assert np.abs(factor @ factor.T - gaussian(points, points, beta)).max() <= tolerance + 1e-14
+
+
+def test_many_points_at_once_equal_few():
+    field, points = fitted(count=500), cloud(20_000, 5)
+    together = field(points)
+    np.testing.assert_allclose(together[:50], field(points[:50]), atol=1e-8 * SIZE)  # compressed above
+    np.testing.assert_allclose(field.jacobian(points)[:50], field.jacobian(points[:50]), atol=1e-5)
+
+
+def test_no_points_give_no_points():
+    field = fitted()
+    assert field(np.zeros((0, 3))).shape == (0, 3)
+    assert field.jacobian(np.zeros((0, 3))).shape == (0, 3, 3)
+    assert field.inverse(np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_a_pair_goes_from_a_through_the_canonical_to_b():
+    field_a, field_b = fitted(0), fitted(0, beta=2.0)
+    points = cloud(60, 9)
+    pair = register_pair(field_a, field_b)
+    on_a = field_a(points)
+    # The inverse is accepted at 1e-7 of the scale.
+    np.testing.assert_allclose(pair(on_a), field_b(points), atol=1e-5 * SIZE)
+    np.testing.assert_allclose(pair.inverse(pair(on_a)), on_a, atol=1e-5 * SIZE)
+    np.testing.assert_allclose(pair.displacement(on_a), pair(on_a) - on_a, atol=1e-12)
+    step = 1e-4 * SIZE
+    columns = [(pair(on_a + step * axis) - pair(on_a - step * axis)) / (2 * step) for axis in np.eye(3)]
+    np.testing.assert_allclose(pair.jacobian(on_a), np.stack(columns, axis=2), atol=5e-3)
+
+
+def test_a_pair_of_one_field_is_the_identity():
+    field, points = fitted(), cloud(60, 9)
+    np.testing.assert_allclose(register_pair(field, field)(points), points, atol=1e-6 * SIZE)
+
+
+def test_a_saved_field_is_the_same(tmp_path):
+    field = fitted()
+    field.save(tmp_path / "deep" / "field.npz")
+    loaded = DeformationField.load(tmp_path / "deep" / "field.npz")
+    assert np.array_equal(loaded(cloud(50, 2)), field(cloud(50, 2)))
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["field.npz"]
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FieldFileError, match=r"nowhere\.npz"):
+        DeformationField.load(tmp_path / "nowhere.npz")
+
+
+def test_a_changed_file_is_refused(tmp_path):
+    path = tmp_path / "field.npz"
+    fitted().save(path)
+    with np.load(path) as data:
+        arrays = dict(data)
+    arrays["weights"][3, 1] += 1e-9
+    np.savez(path, **arrays)
+    with pytest.raises(FieldFileError, match="checksum"):
+        DeformationField.load(path)
+
+
+@settings(max_examples=100, deadline=None)
+@given(place=st.floats(0, 1), value=st.integers(1, 255))
+def test_a_flipped_byte_never_passes_for_another_field(tmp_path_factory, place, value):
+    path = tmp_path_factory.mktemp("flip") / "field.npz"
+    field = DeformationField(cloud(20), cloud(20, 1), 1.0, np.zeros(3), 1.0)
+    field.save(path)
+    content = bytearray(path.read_bytes())
+    content[int(place * (len(content) - 1))] ^= value
+    path.write_bytes(content)
+    try:
+        loaded = DeformationField.load(path)
+    except FieldFileError:
+        return
+    assert np.array_equal(loaded.weights, field.weights)  # the byte was one that zip does not read
+
+
+def test_other_files_are_refused(tmp_path):
+    (tmp_path / "text.npz").write_text("not a zip")
+    np.savez(tmp_path / "plain.npz", weights=np.zeros(3))
+    np.savez(tmp_path / "pickled.npz", kind=np.array([{"a": 1}], dtype=object))
+    space = ShapeSpace(np.eye(3), 1.0, np.zeros(3), 1.0, np.eye(3), np.zeros((0, 3, 3)), np.zeros(0), 0.0)
+    space.save(tmp_path / "space.npz")
+    for path in sorted(tmp_path.iterdir()):
+        with pytest.raises(FieldFileError, match=path.name):
+            DeformationField.load(path)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "field.npz"
+    field = fitted()
+    field.save(path)
+
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        DeformationField.identity(cloud(5)).save(path)
+    assert np.array_equal(DeformationField.load(path).weights, field.weights)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["field.npz"]
+
+
+def test_arrays_are_read_only_copies():
+    points = cloud(10)
+    field = DeformationField.identity(points)
+    points[0] = 99.0
+    assert field.control_points[0, 0] != 99.0
+    with pytest.raises(ValueError, match="read-only"):
+        field.weights[0, 0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "name"),
+    [
+        ({"weights": np.zeros((9, 3))}, PointCloudError, "weights"),
+        ({"weights": np.full((10, 3), np.nan)}, PointCloudError, "weights"),
+        ({"control_points": np.zeros((10, 2))}, PointCloudError, "control_points"),
+        ({"centre": np.zeros(2)}, PointCloudError, "centre"),
+        ({"beta": 0.0}, SettingsError, "beta"),
+        ({"beta": float("nan")}, SettingsError, "beta"),
+        ({"scale": -1.0}, SettingsError, "scale"),
+    ],
+)
+@pytest.mark.usefixtures("as_users_run_it")
+def test_an_impossible_field_is_refused_by_name(change, error, name):
+    parts = {
+        "control_points": cloud(10),
+        "weights": np.zeros((10, 3)),
+        "beta": 1.0,
+        "centre": np.zeros(3),
+        "scale": 1.0,
+    }
+    with pytest.raises(error, match=name):
+        DeformationField(**{**parts, **change})
+
+
+def test_points_with_nan_are_refused():
+    with pytest.raises(PointCloudError, match="NaN"):
+        fitted()(np.array([[0.0, np.nan, 0]]))
+
+
+@pytest.mark.usefixtures("as_users_run_it")
+def test_unequal_correspondences_are_refused():
+    with pytest.raises(PointCloudError, match="targets"):
+        DeformationField.fit(cloud(20), cloud(20), cloud(19))
+
+
+def test_a_large_mesh_needs_little_memory():
+    import tracemalloc
+
+    field, points = fitted(count=500), cloud(200_000, 1)
+    field(points[:20_000])
+    tracemalloc.start()
+    start = time.process_time()
+    field(points)
+    seconds, peak = time.process_time() - start, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 40e6  # all pairs would be 800 MB; the points alone are 5
+    assert seconds < 10  # a guard against all pairs in Python, not a timing
