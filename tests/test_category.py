@@ -17,7 +17,8 @@ from grasptransfer.category.pictures import picture, png
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.errors import CategoryError
 from grasptransfer.registration import DeformationField, ShapeSpace
-from grasptransfer.shapes.library import CURATED, compact, surface_of
+from grasptransfer.shapes.canonical_surface import surface_of
+from grasptransfer.shapes.library import CURATED, compact
 
 GLB_ROUNDING = 1e-7  # m: GLB files hold single precision
 

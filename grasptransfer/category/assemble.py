@@ -25,6 +25,7 @@ from grasptransfer.registration import ShapeSpace
 from grasptransfer.registration.storage import save_arrays
 
 TILE, COLUMNS = 150, 8
+_UINT16, _UINT32 = 5123, 5125  # component types of glTF
 
 
 def write_category(
@@ -109,4 +110,20 @@ def _preview(staging: Path, split: Split) -> bytes:
 def glb_of(scene: trimesh.Scene | trimesh.Trimesh) -> bytes:
     """glTF 2.0 binary of a scene, normals included."""
     scene = scene if isinstance(scene, trimesh.Scene) else trimesh.Scene(scene)
-    return scene.export(file_type="glb", include_normals=True)
+    return scene.export(file_type="glb", include_normals=True, buffer_postprocessor=_shorten_indices)
+
+
+def _shorten_indices(buffers: dict[str, bytes], tree: dict) -> None:
+    """Write face indices in two bytes instead of four where they fit."""
+    keys, accessors = list(buffers), list(tree["accessors"].values())
+    faces = {primitive["indices"] for mesh in tree["meshes"] for primitive in mesh["primitives"]}
+    shortened = set()
+    for accessor in (accessors[number] for number in sorted(faces)):
+        key = keys[accessor["bufferView"]]
+        if accessor["componentType"] != _UINT32 or accessor["max"][0] >= 2**16 - 1:
+            continue
+        if key not in shortened:
+            indices = np.frombuffer(buffers[key], "<u4")[: accessor["count"]].astype("<u2")
+            buffers[key] = indices.tobytes() + b"\0" * (-indices.nbytes % 4)
+            shortened.add(key)
+        accessor["componentType"] = _UINT16

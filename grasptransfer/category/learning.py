@@ -12,8 +12,8 @@ from grasptransfer.registration import DeformationField, ShapeSpace
 
 FEWEST = 3  # instances behind a shape space
 TRIED_MODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30)
-TOLERANCE = 1.05  # fewest modes within 5 % of the least leave-one-out error,
-NEGLIGIBLE = 0.01  # not counting 1 % of the error without any mode
+TOLERANCE = 1.02  # fewest modes within 2 % of the least leave-one-out error,
+NEGLIGIBLE = 0.005  # not counting half a percent of the error without any mode
 
 
 @dataclass(frozen=True)

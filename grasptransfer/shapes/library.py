@@ -11,19 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
 from PIL import Image
 
 from grasptransfer.category.assemble import glb_of, write_category
 from grasptransfer.category.category import Category, objects_folder
-from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.errors import CategoryError
-from grasptransfer.shapes import Shape, canonical, sample
-from grasptransfer.shapes.correspondence import locator
+from grasptransfer.shapes import canonical, sample
+from grasptransfer.shapes.canonical_surface import CanonicalSurface, surface_of
+from grasptransfer.shapes.cpd_accuracy import CpdAccuracy, cpd_accuracy
 from grasptransfer.shapes.space_choice import Choice, choose_space, fit_weights
 
-CONTROL_POINTS, SURFACE_POINTS = 650, 3000
 FIRST_TRAINING_SEED, FIRST_HELDOUT_SEED = 1_000_000, 2_000_000
 TEXTURE_SIDE, JPEG_QUALITY = 512, 88
 SMALLEST_JPEG = 64  # px; below, PNG is smaller
@@ -110,6 +108,8 @@ def build_shipped_category(
     instances = {**train, **test}
     moved = np.stack([surface.displacements(shape) for shape in instances.values()])
     weights = fit_weights(surface.points, choice.space, choice.regularisation, moved)
+    progress(f"{name}: accuracy of CPD")
+    best = cpd_accuracy(surface)[0]
     progress(f"{name}: writing")
     return write_category(
         Path(out) if out else objects_folder() / name,
@@ -117,50 +117,12 @@ def build_shipped_category(
         description=curated.description,
         split=Split(canonical="canonical", train=tuple(train), test=tuple(test)),
         settings=_settings(choice, surface, len(learnt)),
-        measured=choice.measured,
+        measured={**choice.measured, **_of_cpd(best)},
         canonical_glb=glb_of(compact(model.scene())),
         instance_glbs={key: glb_of(compact(shape.scene())) for key, shape in instances.items()},
         shape_space=choice.space,
         weights=dict(zip(instances, weights, strict=True)),
     )
-
-
-@dataclass(frozen=True)
-class CanonicalSurface:
-    """Points of a canonical model that can be found again on every sample.
-
-    Args:
-        model: the canonical shape.
-        points: (m, 3) seen from outside [m].
-        control_points: (n, 3) fewer of them [m].
-        voxel: edge of the voxel filter of the control points [m].
-        face, barycentric: (m,) and (m, 3) where the points lie on the model.
-    """
-
-    model: Shape
-    points: Float[np.ndarray, "m 3"]
-    control_points: Float[np.ndarray, "n 3"]
-    voxel: float
-    face: Int[np.ndarray, "m"]
-    barycentric: Float[np.ndarray, "m 3"]
-
-    def on(self, shape: Shape) -> Float[np.ndarray, "m 3"]:
-        """The same points on a sample [m]."""
-        return np.einsum("mc,mcd->md", self.barycentric, shape.vertices[self.model.faces[self.face]])
-
-    def displacements(self, shape: Shape) -> Float[np.ndarray, "m 3"]:
-        """How far the points move to a sample [m]."""
-        return self.on(shape) - self.points
-
-
-def surface_of(model: Shape) -> CanonicalSurface:
-    """Points and control points of a canonical shape: ray casting, then voxel filters."""
-    points, faces = visible_surface(model.mesh())
-    points = points[model.corresponds[model.faces[faces]].all(1)]
-    dense = points[voxel_filter(points, voxel_for(points, SURFACE_POINTS))]
-    voxel = voxel_for(points, CONTROL_POINTS)
-    face, barycentric, _ = locator(model).locate(dense)
-    return CanonicalSurface(model, dense, points[voxel_filter(points, voxel)], voxel, face, barycentric)
 
 
 def compact(scene: trimesh.Scene) -> trimesh.Scene:
@@ -178,6 +140,18 @@ def compact(scene: trimesh.Scene) -> trimesh.Scene:
             image = Image.open(buffer)  # its format tells the GLB writer to keep it a JPEG
         material.baseColorTexture = image
     return scene
+
+
+def _of_cpd(best: CpdAccuracy) -> dict[str, float]:
+    """The best settings of CPD for this category, and what they leave, for `category.yaml`."""
+    return {
+        "cpd_beta": best.beta,
+        "cpd_lambda": best.lam,
+        "cpd_correspondence_mean_mm": round(1000 * best.mean, 4),
+        "cpd_correspondence_p95_mm": round(1000 * best.p95, 4),
+        "cpd_correspondence_mean_share": round(best.mean_share, 6),
+        "cpd_correspondence_p95_share": round(best.p95_share, 6),
+    }
 
 
 def _settings(choice: Choice, surface: CanonicalSurface, samples: int) -> Settings:
