@@ -1,7 +1,7 @@
 """Joint refinement of pose and latent on motion whose truth is known."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -32,13 +32,14 @@ def _motion(points, model, pose, latent, scale=1.0):
 
 @given(st.integers(0, 1000))
 @settings(max_examples=20, deadline=None)
+@example(187)
 def test_exact_motion_gives_the_true_pose_and_latent(seed):
     rng, points, model, pose, latent = _case(seed)
     told = pose.copy()
     told[:3, :3] = Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix() @ told[:3, :3]
     told[:3, 3] += rng.uniform(-0.03, 0.03, 3)
     fit = fit_pose_and_shape(
-        _motion(points, model, pose, latent),
+        _motion(points, model, pose, latent, scale=0.1),
         points,
         model,
         camera=CAMERA,
@@ -47,7 +48,7 @@ def test_exact_motion_gives_the_true_pose_and_latent(seed):
         pose_prior=PosePrior(),
     )
     assert fit.converged
-    # The priors pull a little; 40 independent cells at 0.05 px leave about a millimetre of depth.
+    # The priors pull a little: ten independent cells leave about a millimetre of depth.
     assert np.linalg.norm(fit.camera_from_object[:3, 3] - pose[:3, 3]) < 2e-3
     assert rotation_angle(fit.camera_from_object[:3, :3] @ pose[:3, :3].T) < 0.01
     np.testing.assert_allclose(fit.latent, latent, atol=0.05)

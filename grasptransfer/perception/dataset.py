@@ -24,7 +24,7 @@ SPRITE_SIDE = 128  # px
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """What a data set holds; two data sets of equal config are equal byte by byte.
+    """What a data set holds; two data sets of equal config are equal but for the renderer's rounding.
 
     Args:
         categories: names of the categories, cycled shape by shape.
