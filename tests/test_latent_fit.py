@@ -127,7 +127,12 @@ def test_far_outliers_are_ignored(space):
 
 
 @settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 10_000), refine=st.booleans(), covered=st.booleans(), sliding=st.sampled_from([0.0, 0.7]))
+@given(
+    seed=st.integers(0, 10_000),
+    refine=st.booleans(),
+    covered=st.booleans(),
+    sliding=st.sampled_from([0.0, 0.7]),
+)
 def test_the_jacobian_is_that_of_finite_differences(seed, refine, covered, sliding):
     rng = np.random.default_rng(seed)
     model = rng.normal(size=(30, 3)) * 0.05
