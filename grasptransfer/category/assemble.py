@@ -113,7 +113,7 @@ def glb_of(scene: trimesh.Scene | trimesh.Trimesh) -> bytes:
     return scene.export(file_type="glb", include_normals=True, buffer_postprocessor=_shorten_indices)
 
 
-def _shorten_indices(buffers: dict[str, bytes], tree: dict) -> None:
+def _shorten_indices(buffers: dict[int, bytes], tree: dict) -> None:
     """Write face indices in two bytes instead of four where they fit."""
     keys, accessors = list(buffers), list(tree["accessors"].values())
     faces = {primitive["indices"] for mesh in tree["meshes"] for primitive in mesh["primitives"]}
