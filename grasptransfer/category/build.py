@@ -33,7 +33,7 @@ from grasptransfer.category.workshop import Arrays, Progress, Workshop
 from grasptransfer.errors import CategoryError, SettingsError
 from grasptransfer.registration import ShapeSpace
 
-DEFAULT_BETA, DEFAULT_LAMBDA = 2.0, 3.0  # nearest to the true correspondences of parametric shapes, over all
+DEFAULT_BETA, DEFAULT_LAMBDA = 2.0, 3.0  # of those measured on parametric shapes, near both points and surface
 
 
 @dataclass(frozen=True)
