@@ -33,7 +33,8 @@ from grasptransfer.category.workshop import Arrays, Progress, Workshop
 from grasptransfer.errors import CategoryError, SettingsError
 from grasptransfer.registration import ShapeSpace
 
-DEFAULT_BETA, DEFAULT_LAMBDA = 2.0, 3.0  # of those measured on parametric shapes, near both points and surface
+# Of those measured on parametric shapes, near the true points and near the surface in every category.
+DEFAULT_BETA, DEFAULT_LAMBDA = 2.0, 3.0
 
 
 @dataclass(frozen=True)
