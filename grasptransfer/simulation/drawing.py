@@ -111,7 +111,7 @@ def _scene(
 
     scene = trimesh.Scene()
     if recording.table_height is not None:
-        table = trimesh.creation.cylinder(radius=0.35, height=0.01, sections=96)
+        table = trimesh.creation.cylinder(radius=0.2, height=0.01, sections=96)
         scene.add_geometry(
             _painted(table, TABLE),
             transform=rigid(np.eye(3), np.array([0, 0, recording.table_height - 0.006])),
@@ -148,10 +148,13 @@ def _viewpoint(
     base = recording.world_from_link[gripper.base_link][:, :3, 3]
     corners = corners[np.abs(corners - base.mean(0)).max(1) < 0.45]
     middle = (corners.min(0) + corners.max(0)) / 2
-    radius = float(np.linalg.norm(corners - middle, axis=1).max())
-    narrow = FIELD_OF_VIEW * min(1.0, camera.height / camera.width)
-    pose = look_at(MARGIN * radius / np.sin(narrow / 2), azimuth, np.deg2rad(18))
-    return pose @ rigid(np.eye(3), -middle)
+    pose = look_at(1.0, azimuth, np.deg2rad(18)) @ rigid(np.eye(3), -middle)
+    x, y, z = (corners @ pose[:3, :3].T + pose[:3, 3]).T
+    # As near as every corner allows: each one bounds the distance by its own angle.
+    narrow = np.array([camera.width, camera.height]) / 2 / np.array([camera.fx, camera.fy]) / MARGIN
+    nearest = np.maximum(np.abs(x) / narrow[0], np.abs(y) / narrow[1]) - z
+    pose[2, 3] += float(nearest.max())
+    return pose
 
 
 def _corners(

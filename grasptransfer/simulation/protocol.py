@@ -36,7 +36,8 @@ class Protocol:
         support: what the object rests on before it is held: `air` (no weight until the fingers have
             closed, and the air so thick that nothing drifts) or `table` (it stands on a plane).
         time_step: of the physics [s].
-        solver_iterations: of the constraint solver in each step.
+        solver_iterations: of the constraint solver in each step, at most.
+        solver_residual: the squared velocity error at which it stops earlier, m2/s2.
         density: of the object, kg/m3; its mass is density x volume.
         mass_limits: the mass is clamped to these, kg: lighter bodies are unstable.
         friction: Coulomb coefficient between pad and object. Bullet multiplies two bodies' numbers; the
@@ -45,6 +46,8 @@ class Protocol:
         air_damping: 1/s, of the weightless object before the fingers have closed.
         hold_force: most force that carries the gripper along [N].
         contact_erp: share of an overlap that one step undoes.
+        drive_mass: least inertia of a finger link, kg: a drive's, seen through its gear, and what lets the
+            solver converge where light fingers squeeze a heavier object.
         gear_force, gear_erp: of the constraint that couples the fingers.
         approach_step: between checked poses of the approach [m].
         clearance_tolerance: overlap at most this deep is no collision [m].
@@ -65,14 +68,16 @@ class Protocol:
     name: str
     support: str
     time_step: float = 1 / 240
-    solver_iterations: int = 150
+    solver_iterations: int = 100
+    solver_residual: float = 1e-6
     density: float = 500.0
     mass_limits: tuple[float, float] = (0.05, 1.0)
-    friction: float = 0.6
+    friction: float = 0.5
     spinning_friction: float = 0.002
     air_damping: float = 30.0
     hold_force: float = 300.0
     contact_erp: float = 0.8
+    drive_mass: float = 0.2
     gear_force: float = 50.0
     gear_erp: float = 1.0
     approach_step: float = 0.002
@@ -80,13 +85,13 @@ class Protocol:
     finger_speed: float = 0.06
     close_time: float = 1.0
     grip_force: float = 30.0
-    settle_time: float = 0.1
+    settle_time: float = 0.05
     lift_height: float = 0.10
-    lift_time: float = 0.4
+    lift_time: float = 0.3
     shake_acceleration: float = GRAVITY
-    shake_period: float = 0.15
+    shake_period: float = 0.1
     turn_degrees: float = 30.0
-    turn_time: float = 0.8
+    turn_time: float = 0.6
     slip: float = 0.02
     slip_degrees: float = 30.0
     penetration: float = 0.003

@@ -37,6 +37,9 @@ class World:
         self._bullet = pybullet
         self._client = pybullet.connect(pybullet.DIRECT)
         self._calls: dict[str, functools.partial] = {}
+        self._shape: int | None = None
+        self._constraints: list[int] = []
+        self._bodies: list[int] = []
         self._folder = tempfile.TemporaryDirectory(prefix="grasptransfer-")
         folder = Path(self._folder.name)
         (folder / "object.obj").write_text(body.wavefront)
@@ -69,23 +72,40 @@ class World:
         Args:
             friction: of the contact between pad and object.
         """
+        if self._shape is None:
+            self._prepare()
+        for constraint in self._constraints:
+            self.call("removeConstraint", constraint)
+        for body in self._bodies:
+            self.call("removeBody", body)
+        self._constraints, self._bodies, self.table = [], [], None
+        self._load_hand()
+        self._load_object(friction)
+        if self.protocol.support == "table":
+            self._load_table()
+        self.weigh(self.protocol.support == "table")
+
+    def _prepare(self):
+        """What stays from trial to trial: the engine's numbers, and the shape, slow to build."""
         protocol = self.protocol
         self.call("resetSimulation")
         self.call(
             "setPhysicsEngineParameter",
             fixedTimeStep=protocol.time_step,
             numSolverIterations=protocol.solver_iterations,
+            solverResidualThreshold=protocol.solver_residual,
             numSubSteps=0,
             contactERP=protocol.contact_erp,
+            enableConeFriction=1,  # the pyramid takes half the time and ignores spinning friction
             deterministicOverlappingPairs=1,
             enableFileCaching=0,
         )
-        self._load_hand()
-        self._load_object(friction)
-        self.table = None
-        if protocol.support == "table":
-            self._load_table()
-        self.weigh(protocol.support == "table")
+        self._shape = self.call(
+            "createCollisionShape",
+            self._bullet.GEOM_MESH,
+            fileName=str(Path(self._folder.name) / "object.obj"),
+            flags=self._bullet.URDF_INITIALIZE_SAT_FEATURES,
+        )
 
     def _load_hand(self):
         flags = (
@@ -95,6 +115,7 @@ class World:
         )
         path = str(Path(self._folder.name) / "hand.urdf")
         self.gripper = self.call("loadURDF", path, useFixedBase=0, flags=flags)
+        self._bodies.append(self.gripper)
         numbers = {}
         self.link_names = {BASE: self.call("getBodyInfo", self.gripper)[0].decode()}
         for index in range(self.call("getNumJoints", self.gripper)):
@@ -108,13 +129,34 @@ class World:
         base_from_mass = _rigid(inertial[3], inertial[4])
         self._mass_from_tcp = invert(base_from_mass) @ self.hand.base_from_tcp
         self._tcp_from_mass = invert(self._mass_from_tcp)
+        # Apart from the links' own numbers: given together with damping, Bullet sets the base's.
+        self.call("changeDynamics", self.gripper, BASE, linearDamping=0, angularDamping=0)
+        moving = self._behind_joints()
         for index in self.link_names:
-            self.call(
-                "changeDynamics", self.gripper, index, lateralFriction=1.0, linearDamping=0, angularDamping=0
-            )
+            self.call("changeDynamics", self.gripper, index, lateralFriction=1.0, spinningFriction=0.0)
+            mass, _, moments = self.call("getDynamicsInfo", self.gripper, index)[:3]
+            heavier = self.protocol.drive_mass / max(mass, 1e-9)
+            if heavier > 1 and index in moving:
+                scaled = [heavier * moment for moment in moments]
+                self.call(
+                    "changeDynamics",
+                    self.gripper,
+                    index,
+                    mass=self.protocol.drive_mass,
+                    localInertiaDiagonal=scaled,
+                )
         for index, _ in self.joints:  # Bullet brakes every joint by a motor of its own
             self.call("setJointMotorControl2", self.gripper, index, self._bullet.VELOCITY_CONTROL, force=0)
         self._couple()
+
+    def _behind_joints(self) -> set[int]:
+        """Links that move when the fingers do."""
+        parents = {i: self.call("getJointInfo", self.gripper, i)[16] for i in self.link_names if i != BASE}
+        moving = {index for index, _ in self.joints}
+        for index in sorted(parents):  # parents come before their children
+            if parents[index] in moving:
+                moving.add(index)
+        return moving
 
     def _couple(self):
         """Gears from the driver to every other joint; Bullet ignores the URDF's `mimic`."""
@@ -133,6 +175,7 @@ class World:
                 [0, 0, 0],
                 [0, 0, 0],
             )
+            self._constraints.append(gear)
             self.call(
                 "changeConstraint",
                 gear,
@@ -143,22 +186,17 @@ class World:
             )
 
     def _load_object(self, friction: float):
-        body, path = self.body, str(Path(self._folder.name) / "object.obj")
-        shape = self.call(
-            "createCollisionShape",
-            self._bullet.GEOM_MESH,
-            fileName=path,
-            flags=self._bullet.URDF_INITIALIZE_SAT_FEATURES,
-        )
+        body = self.body
         self._object_from_mass = rigid(body.principal_axes, body.centre_of_mass)
         self._mass_from_object = invert(self._object_from_mass)
         self.object = self.call(
             "createMultiBody",
             body.mass,
-            shape,
+            self._shape,
             baseInertialFramePosition=body.centre_of_mass.tolist(),
             baseInertialFrameOrientation=_quaternion(body.principal_axes),
         )
+        self._bodies.append(self.object)
         self.call(
             "changeDynamics",
             self.object,
@@ -177,6 +215,7 @@ class World:
         shape = self.call("createCollisionShape", self._bullet.GEOM_BOX, halfExtents=half)
         height = self.body.lowest - TABLE_HALF_THICKNESS
         self.table = self.call("createMultiBody", 0, shape, basePosition=[0, 0, height])
+        self._bodies.append(self.table)
         self.call("changeDynamics", self.table, BASE, lateralFriction=1.0, restitution=0.0)
 
     def weigh(self, gravity: bool):
@@ -213,6 +252,7 @@ class World:
             orientation,
             turned,
         )
+        self._constraints.append(self._hold)
         self.move_gripper(at, turned)
 
     def move_gripper(self, position: list[float], orientation: list[float]):
