@@ -12,6 +12,31 @@ from grasptransfer.report.progress import progress_bar
 console = Console()
 
 
+def cpd(
+    *,
+    json: Path,
+    sizes: tuple[int, ...] = (500, 1000, 2000, 4000, 8000),
+    repeats: int = 3,
+    longest: float = 100.0,
+    seed: int = 0,
+) -> int:
+    """Speed, memory and error of CPD against the peers that are installed (pycpd, cycpd, probreg).
+
+    Args:
+        json: file for the results.
+        sizes: points of each cloud.
+        repeats: of each measurement; their median counts.
+        longest: a peer that would take more seconds than this is extrapolated.
+        seed: of the clouds.
+    """
+    from grasptransfer.benchmark.cpd import run_cpd_benchmark
+
+    return _bench(
+        lambda tick: run_cpd_benchmark(sizes, repeats=repeats, longest=longest, seed=seed, progress=tick),
+        json,
+    )
+
+
 def registration(
     *,
     json: Path,
@@ -153,6 +178,7 @@ def _trained(categories: tuple[str, ...]) -> tuple[str, ...]:
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {
+    "cpd": cpd,
     "registration": registration,
     "pose-noise": pose_noise,
     "grasp": grasp,

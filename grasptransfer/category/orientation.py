@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 STEP = 15  # degrees between the turns about the upright axis that are tried
-BETTER = 0.7  # a turn is suspicious if it brings the distance below this share of the given one
+BETTER = 0.85  # a turn is suspicious if it brings the distance below this share of the given one
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ times as long. Calls may overlap in several threads; the last to leave restores 
 import threading
 from contextlib import contextmanager
 from functools import cache
+from typing import Any
 
 _lock = threading.Lock()
 _holders = 0
-_limit = None
+_limit: Any = None
 
 
 @cache

@@ -82,12 +82,11 @@ class EStep:
         self._padding = -source_count % BLOCK
         self._traits = self._ordered_traits(traits)
         # What unlike traits can cost at most: pairs must stay in reach that only they would favour.
-        low, high = (np.concatenate(self._traits, axis=1) if traits else np.zeros((1, 1)),) * 2
-        self._worst_traits = float(np.square(high.max(1) - low.min(1)).sum()) if traits else 0.0
+        self._worst_traits = 0.0
+        if traits:
+            self._worst_traits = float(np.square(np.ptp(np.concatenate(self._traits, axis=1), axis=1)).sum())
         self._task = self._compiled if backend == "compiled" else self._numpy
-        threads = (
-            threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else threads or 1
-        )
+        threads = threads or _cores()
         self._pieces = max(1, min(threads, source_count * len(target) // FEWEST_PAIRS))
         self._nearest = np.full(len(target), 3e38, np.float32)  # upper bounds, squared
         self._before: Float[np.ndarray, "n 3"] | None = None
@@ -106,19 +105,22 @@ class EStep:
         """The expectation, given moved source points and sigma^2, both normalised."""
         moved = moved.astype(np.float32)
         boxes = np.minimum.reduceat(moved, self._starts).T, np.maximum.reduceat(moved, self._starts).T
-        boxes = tuple(np.ascontiguousarray(corner) for corner in boxes)
+        boxes = np.ascontiguousarray(boxes[0]), np.ascontiguousarray(boxes[1])
         self._follow(moved)
         arguments = (moved, boxes, variance, log_outlier)
         groups = -(-self._target.shape[1] // GROUP)
         cuts = [min(GROUP * (groups * i // self._pieces), self._target.shape[1]) for i in range(self._pieces)]
         ranges = list(zip(cuts, [*cuts[1:], self._target.shape[1]], strict=True))
         inlier = np.empty(self._target.shape[1])
-        waiting = [self._pool.submit(self._task, *piece, inlier, *arguments) for piece in ranges[1:]]
+        submit = self._pool.submit if self._pool else None
+        waiting = [submit(self._task, *piece, inlier, *arguments) for piece in ranges[1:]] if submit else []
         parts = [self._task(*ranges[0], inlier, *arguments), *(future.result() for future in waiting)]
-        support, moment, squared, likelihood = (sum(column) for column in zip(*parts, strict=True))
+        supports, moments, squared, likelihoods = zip(*parts, strict=True)
         unordered = np.empty_like(inlier)
         unordered[self._order] = inlier
-        return Expectation(support, moment, unordered, squared, likelihood)
+        return Expectation(
+            np.sum(supports, axis=0), np.sum(moments, axis=0), unordered, sum(squared), sum(likelihoods)
+        )
 
     def _follow(self, moved: Float[np.ndarray, "n 3"]):
         """Keep the bounds of the nearest distances true after the source points moved."""
@@ -134,7 +136,7 @@ class EStep:
     def _compiled(self, first, last, inlier, moved, boxes, variance, log_outlier):
         from grasptransfer.registration.expectation_compiled import expect
 
-        count = len(moved)
+        count, (low, high), (traits, moved_traits) = len(moved), boxes, self._traits
         padded = np.concatenate([moved, np.full((self._padding, 3), FAR, np.float32)])
         flat = padded.reshape(-1, BLOCK, 3).transpose(0, 2, 1).ravel()
         sums = np.zeros(4 * len(padded), np.float32)
@@ -144,8 +146,10 @@ class EStep:
             first,
             last,
             flat,
-            *boxes,
-            *self._traits,
+            low,
+            high,
+            traits,
+            moved_traits,
             variance,
             reach,
             log_outlier,
@@ -202,6 +206,11 @@ class EStep:
         source = np.pad(traits.source, ((0, self._padding), (0, 0)))
         pair = traits.target[self._order], source
         return tuple(np.ascontiguousarray(side.T * scale, dtype=np.float32) for side in pair)
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _by_product(

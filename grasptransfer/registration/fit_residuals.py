@@ -6,6 +6,7 @@ p = exp(turn) R0 (Z + mean + basis x) + t0 + shift.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -77,7 +78,9 @@ class Posed:
         pose = self.pose(state)
         return self._shape(state) @ pose[:3, :3].T + pose[:3, 3]
 
-    def jacobian(self, state: Float[np.ndarray, "s"], chosen=slice(None)) -> Float[np.ndarray, "q 3 s"]:
+    def jacobian(
+        self, state: Float[np.ndarray, "s"], chosen: Any = slice(None)
+    ) -> Float[np.ndarray, "q 3 s"]:
         """Derivative of the chosen points by the state."""
         pose = self.pose(state)
         by_latent = np.einsum("ij,pjk->pik", pose[:3, :3], self.basis[chosen])
@@ -102,7 +105,7 @@ class Posed:
         normal = rows.T @ jacobian.reshape(-1, size) + np.diag(precision)
         return np.linalg.solve(normal, rows.T @ pull.ravel() - precision * state)
 
-    def _shape(self, state, chosen=slice(None)) -> Float[np.ndarray, "q 3"]:
+    def _shape(self, state, chosen: Any = slice(None)) -> Float[np.ndarray, "q 3"]:
         latent = state[len(state) - self.n_modes :]
         return self.model[chosen] + self.mean[chosen] + self.basis[chosen] @ latent
 
@@ -121,18 +124,18 @@ class FitResiduals:
     def __init__(
         self, posed: Posed, observed, noise: float, robust_scale: float, visible=None, sliding: float = 0.0
     ):
-        from scipy.spatial import cKDTree
+        from scipy.spatial import KDTree
 
         self._hold, self._normals = 1 - sliding, surface_normals(observed) if sliding else None
 
         self.posed, self.observed = posed, observed
         self.noise, self.robust_scale = noise, robust_scale
         self.visible = np.zeros(0, int) if visible is None else np.flatnonzero(visible)
-        self._observed_tree = cKDTree(observed) if len(self.visible) else None
+        self._observed_tree = KDTree(observed)
         # All visible points together count like this share of the observed ones.
         self._coverage = np.sqrt(COVERAGE * len(observed) / max(len(self.visible), 1))
-        self._tree = cKDTree
-        self._last: tuple[bytes, tuple] | None = None
+        self._tree = KDTree
+        self._last: tuple[bytes, tuple] = b"", ()
 
     def values(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "r"]:
         """Robust residuals of the matches, then of the prior."""
@@ -162,11 +165,11 @@ class FitResiduals:
     def _matches(self, state):
         """Model minus observed points, indices of the model points, weights."""
         key = state.tobytes()
-        if self._last is None or self._last[0] != key:
+        if self._last[0] != key:
             moved = self.posed.points(state)
             chosen = self._tree(moved).query(self.observed)[1]
-            differences, weights = moved[chosen] - self.observed, np.ones(len(chosen))
-            seen = np.arange(len(chosen))
+            differences, weights = moved[chosen] - self.observed, np.ones(len(self.observed))
+            seen = np.arange(len(self.observed))
             if len(self.visible):
                 counterpart = self._observed_tree.query(moved[self.visible])[1]
                 chosen = np.concatenate([chosen, self.visible])
@@ -199,9 +202,9 @@ class FitResiduals:
 
 def surface_normals(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
     """Unit normals of the surface a cloud lies on, of either sign, from each point's neighbours."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
-    neighbours = points[cKDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1]]
+    neighbours = points[KDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1]]
     centred = neighbours - neighbours.mean(1, keepdims=True)
     return np.linalg.eigh(np.einsum("mki,mkj->mij", centred, centred))[1][:, :, 0]
 

@@ -111,9 +111,9 @@ def weighted_ridge(
     from scipy.linalg import blas, lapack
 
     np.multiply(factor, np.sqrt(weights)[:, None], out=scratch)
-    normal = blas.dsyrk(1.0, scratch.T)  # the upper triangle
+    normal = blas.dsyrk(1.0, scratch.T)  # upper triangle  # pyright: ignore[reportAttributeAccessIssue]
     normal[np.diag_indices_from(normal)] += damping
-    _, solution, failed = lapack.dposv(normal, factor.T @ right)
+    _, solution, failed = lapack.dposv(normal, factor.T @ right)  # pyright: ignore[reportAttributeAccessIssue]
     if failed:  # rounding exceeds the damping
         normal = np.triu(normal) + np.triu(normal, 1).T
         solution = np.linalg.lstsq(normal, factor.T @ right, rcond=None)[0]

@@ -181,7 +181,12 @@ def _least_squares(residuals: FitResiduals, state: Float[np.ndarray, "s"], max_i
     from scipy.optimize import least_squares
 
     solution = least_squares(
-        residuals.values, state, residuals.jacobian, method="lm", max_nfev=max_iterations, xtol=1e-6
+        residuals.values,
+        state,
+        residuals.jacobian,  # pyright: ignore[reportArgumentType]
+        method="lm",
+        max_nfev=max_iterations,
+        xtol=1e-6,
     )
     jacobian, posed = residuals.jacobian(solution.x), residuals.posed
     covariance = np.linalg.inv(jacobian.T @ jacobian)
