@@ -49,7 +49,7 @@ def _build(parent):
 def test_a_data_set_is_reproducible(folder, tmp_path):
     again = _build(tmp_path)
     files = sorted(path.relative_to(folder) for path in folder.rglob("*.npy"))
-    assert len(files) == 8
+    assert len(files) == 11
     for file in files:
         first, second = np.load(folder / file).astype(float), np.load(again / file).astype(float)
         # The renderer's threads may round a colour one way or the other; nothing else may differ.
@@ -67,11 +67,13 @@ def test_true_motion_of_an_unmoved_canonical_is_zero():
     canonical = training_canonical("mug")
     rng = np.random.default_rng(0)
     shape = draw_training_shape("mug", rng)
+    rest = canonical.mesh.vertices
     still = dataclasses.replace(
-        shape, scene=canonical, vertices=canonical.vertices, move=lambda p, f: (p, np.ones(len(p), bool))
+        shape, scene=canonical.mesh, vertices=rest, move=lambda p, f: (p, np.ones(len(p), bool))
     )
+    unmoved = dataclasses.replace(canonical, model=tuple(0 * part for part in canonical.model))
     with Renderer() as renderer:
-        sample = render_sample(still, canonical, rng, renderer=renderer, noise=NO_NOISE)
+        sample = render_sample(still, unmoved, rng, renderer=renderer, noise=NO_NOISE)
     assert sample is not None
     assert sample.valid.sum() > 50
     assert (sample.offset[sample.valid] == 0).all()
@@ -87,13 +89,32 @@ def test_the_input_has_eight_channels_and_an_untold_box_is_empty():
     assert (inputs[:, 3:] == -1).all()
 
 
+def test_the_latent_of_a_training_shape_explains_its_motion():
+    canonical = training_canonical("mug")
+    far, left = [], []
+    for seed in range(5):
+        shape = draw_training_shape("mug", np.random.default_rng(seed))
+        moved, known = _moved_vertices(shape, canonical)
+        mean_shape = canonical.vertices(np.zeros(canonical.n_modes))
+        far.append(np.linalg.norm((moved - mean_shape)[known], axis=1).mean())
+        left.append(np.linalg.norm((moved - canonical.vertices(shape.latent))[known], axis=1).mean())
+    assert np.mean(left) < 0.35 * np.mean(far)
+
+
+def _moved_vertices(shape, canonical):
+    faces = canonical.mesh.faces
+    face_of = np.zeros(len(canonical.mesh.vertices), int)
+    face_of[faces.ravel()] = np.repeat(np.arange(len(faces)), 3)
+    return shape.move(np.asarray(canonical.mesh.vertices), face_of)
+
+
 @pytest.mark.parametrize("name", network_names())
 def test_a_picture_alone_gives_what_it_gives_in_a_batch(name):
     torch.manual_seed(0)
-    network = build_network(name).eval()
-    pictures = torch.rand(2, 8, 192, 256)
+    network = build_network(name, 2).eval()
+    pictures, numbers = torch.rand(2, 8, 192, 256), torch.tensor([0, 1])
     with torch.inference_mode():
-        together, alone = network(pictures), network(pictures[1:])
+        together, alone = network(pictures, numbers), network(pictures[1:], numbers[1:])
     for whole, single in zip(together, alone, strict=True):
         torch.testing.assert_close(whole[1:], single, rtol=1e-4, atol=1e-4)
 
@@ -106,7 +127,7 @@ def test_a_training_step_on_one_batch_lowers_its_loss(folder, loss):
     optimiser = torch.optim.AdamW(network.parameters(), 1e-3)
     values = []
     for _ in range(6):
-        total = training_loss(network(inputs), targets, loss)["total"]
+        total = training_loss(network(*inputs), targets, loss)["total"]
         optimiser.zero_grad()
         total.backward()
         optimiser.step()
@@ -117,10 +138,22 @@ def test_a_training_step_on_one_batch_lowers_its_loss(folder, loss):
 def test_a_perfect_prediction_has_no_error(folder):
     _, targets = training_batch(Dataset(folder), np.arange(4), np.random.default_rng(0))
     zero = torch.zeros(4, 1, 24, 32)
-    perfect = Prediction(targets["offset"], zero, targets["flow"], zero, (targets["mask"] - 0.5) * 100)
+    latent = targets["latent"]
+    perfect = Prediction(
+        targets["offset"],
+        zero,
+        targets["flow"],
+        zero,
+        (targets["mask"] - 0.5) * 100,
+        latent,
+        0 * latent,
+        (targets["match"] - 0.5) * 100,
+    )
     terms = training_loss(perfect, targets, "likelihood")
     assert terms["offset_mm"] < 0.02  # the square root is rounded off at zero
+    assert terms["shape_mm"] < 0.02
     assert terms["iou"] == 1
+    assert terms["match"] == 1
 
 
 def test_an_unknown_loss_or_network_names_the_choices(folder):

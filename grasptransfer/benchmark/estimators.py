@@ -32,7 +32,7 @@ class TrueOffsetsEstimator:
         pose = observation.camera_from_object
         box = projected_box(np.asarray(category.canonical.vertices), observation.camera, pose)
         camera = zoom_camera(observation.camera, zoom_box(box))
-        points = view_canonical(category.canonical, camera, pose, renderer=self.renderer).cell_points
+        points = view_canonical(category.canonical, camera, pose).cell_points
         offsets = self.instance.true_field.displacement(points)
         posterior = space.map_estimate(points, offsets, TRUE_OFFSET_NOISE)
         return ShapeEstimate(

@@ -4,13 +4,16 @@ import io
 
 import numpy as np
 import torch
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32, Int64, UInt8
 from PIL import Image, ImageFilter
 from torch import Tensor
 
 from grasptransfer.perception.dataset import Dataset
 from grasptransfer.perception.networks import MASK_STRIDE
 from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH
+
+STRANGERS = 0.12  # share of samples that show an object of another category
+Inputs = tuple[Float32[Tensor, "b 8 192 256"], Int64[Tensor, "b"]]  # pictures, number of the category
 
 
 def network_input(
@@ -36,17 +39,53 @@ def network_input(
 
 def training_batch(
     dataset: Dataset, indices: np.ndarray, rng: np.random.Generator
-) -> tuple[Float32[Tensor, "b 8 192 256"], dict[str, Tensor]]:
+) -> tuple[Inputs, dict[str, Tensor]]:
     """Augmented input and targets of the samples at `indices`."""
     arrays = dataset.batch(indices)
+    match = rng.random(len(indices)) >= STRANGERS
+    for index in np.flatnonzero(~match):
+        name = dataset.categories[arrays["category"][index]]
+        arrays["observed"][index], arrays["box"][index] = _stranger(
+            arrays["box"][index], arrays["canonical"][index], dataset, name, rng
+        )
     pictures, masks = zip(*(_compose(observed, dataset, rng) for observed in arrays["observed"]), strict=True)
     targets = {
         "offset": torch.from_numpy(arrays["offset"]).permute(0, 3, 1, 2).float(),
         "flow": torch.from_numpy(arrays["flow"]).permute(0, 3, 1, 2).float(),
-        "valid": torch.from_numpy(arrays["valid"])[:, None].float(),
+        "valid": torch.from_numpy(arrays["valid"] & match[:, None, None])[:, None].float(),
         "mask": torch.from_numpy(np.stack(masks))[:, None],
+        "latent": torch.from_numpy(arrays["latent"]),
+        "mode_size": torch.from_numpy(arrays["mode_size"]),
+        "match": torch.from_numpy(match).float(),
     }
-    return network_input(np.stack(pictures), arrays["box"], arrays["canonical"]), targets
+    pictures = network_input(np.stack(pictures), arrays["box"], arrays["canonical"])
+    return (pictures, torch.from_numpy(arrays["category"]).long()), targets
+
+
+def _stranger(
+    box: Float32[np.ndarray, "4"],
+    canonical: UInt8[np.ndarray, "192 256 3"],
+    dataset: Dataset,
+    category: str,
+    rng: np.random.Generator,
+) -> tuple[UInt8[np.ndarray, "192 256 5"], Float32[np.ndarray, "4"]]:
+    """An object of another category where the object was, and its box if one was told."""
+    rows, columns = np.nonzero(canonical.any(-1))
+    place = box if np.isfinite(box).all() else [columns.min(), rows.min(), columns.max(), rows.max()]
+    u0, v0, u1, v1 = (float(value) for value in place)
+    others = np.flatnonzero(dataset.sprite_names != category)
+    sprite = Image.fromarray(dataset.sprites[rng.choice(others)], "RGBA")
+    sprite = sprite.crop(sprite.getchannel("A").getbbox() or (0, 0, *sprite.size))
+    scale = max(u1 - u0, v1 - v0, 8.0) / max(sprite.size)
+    size = tuple(max(round(side * scale), 4) for side in sprite.size)
+    sprite = sprite.resize(size)
+    left, top = round((u0 + u1 - size[0]) / 2), round((v0 + v1 - size[1]) / 2)
+    whole = Image.new("RGBA", (ZOOM_WIDTH, ZOOM_HEIGHT))
+    whole.paste(sprite, (left, top))
+    pixels = np.asarray(whole)
+    observed = np.dstack([pixels, 255 * (pixels[..., 3] > 127).astype(np.uint8)])
+    told = np.array([left, top, left + size[0], top + size[1]], np.float32)
+    return observed, np.where(np.isfinite(box), told, box)
 
 
 def _compose(

@@ -1,14 +1,18 @@
-"""The canonical model seen at the given pose: half of the network's input, and where its cells lie."""
+"""The canonical model seen at the given pose: half of the network's input, and where its cells lie.
+
+The model may be displaced by what is already known of the shape: the picture then shows the displaced
+model, coloured by where its points lie on the undisplaced one.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from grasptransfer.camera import Camera
+from grasptransfer.frames import invert
 from grasptransfer.perception.networks import CELL_PIXEL, STRIDE
-from grasptransfer.perception.rendering import Renderer, position_image
 
 
 @dataclass(frozen=True)
@@ -16,35 +20,56 @@ class CanonicalView:
     """One view of the canonical model.
 
     Args:
-        coordinates: (h, w, 3) position on the model as a colour: 1 to 255 between the corners of its
-            bounding box along x, y, z; 0 outside the model.
-        cell_points: (c, 3) canonical positions [m] of the visible cells.
+        coordinates: (h, w, 3) position on the undisplaced model as a colour: 1 to 255 between the corners
+            of its bounding box along x, y, z; 0 outside the model.
+        cell_points: (c, 3) undisplaced positions [m] of the visible cells.
+        cell_places: (c, 3) displaced positions [m].
+        cell_faces: (c,) faces they lie on.
         cell_pixels: (c, 2) their zoomed pixels (u, v).
         cell_mask: (h / 8, w / 8) which cells are visible.
     """
 
     coordinates: UInt8[np.ndarray, "h w 3"]
     cell_points: Float[np.ndarray, "c 3"]
+    cell_places: Float[np.ndarray, "c 3"]
+    cell_faces: Int[np.ndarray, "c"]
     cell_pixels: Float[np.ndarray, "c 2"]
     cell_mask: Bool[np.ndarray, "hc wc"]
 
 
 def view_canonical(
-    mesh: trimesh.Trimesh | trimesh.Scene,
+    mesh: trimesh.Trimesh,
     camera: Camera,
     camera_from_object: Float[np.ndarray, "4 4"],
     *,
-    renderer: Renderer,
+    vertices: Float[np.ndarray, "v 3"] | None = None,
 ) -> CanonicalView:
-    """See the canonical model `mesh` through the zoomed `camera` at the given pose."""
-    depth = renderer.depth(mesh, camera, camera_from_object)
-    positions = position_image(depth, camera, camera_from_object)
+    """See the canonical model `mesh` through the zoomed `camera` at the given pose.
+
+    Args:
+        vertices: displaced vertices [m]; None shows the model as it is.
+    """
+    rest = np.asarray(mesh.vertices)
+    shown = rest if vertices is None else vertices
+    rays = _pixel_rays(camera, camera_from_object)
+    face, share = _first_hits(shown, mesh.faces, *rays)
+    face, share = face.reshape(camera.height, camera.width), share.reshape(camera.height, camera.width, 3)
+    coordinates = np.zeros((camera.height, camera.width, 3), np.uint8)
+    hit = face >= 0
+    coordinates[hit] = _as_colours(_on_faces(rest, mesh.faces, face[hit], share[hit]), mesh.bounds)
     rows, columns = cell_centres(camera)
-    cells = positions[np.ix_(rows, columns)]
-    mask = np.isfinite(cells).all(-1)
+    cells = np.ix_(rows, columns)
+    mask = hit[cells]
     v, u = np.nonzero(mask)
-    pixels = np.stack([columns[u], rows[v]], -1).astype(float)
-    return CanonicalView(_as_colours(positions, mesh.bounds), cells[mask].astype(float), pixels, mask)
+    faces, shares = face[cells][mask], share[cells][mask]
+    return CanonicalView(
+        coordinates,
+        _on_faces(rest, mesh.faces, faces, shares),
+        _on_faces(shown, mesh.faces, faces, shares),
+        faces,
+        np.stack([columns[u], rows[v]], -1).astype(float),
+        mask,
+    )
 
 
 def cell_centres(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -52,8 +77,33 @@ def cell_centres(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(CELL_PIXEL, camera.height, STRIDE), np.arange(CELL_PIXEL, camera.width, STRIDE)
 
 
+def _pixel_rays(camera: Camera, camera_from_object) -> tuple[np.ndarray, np.ndarray]:
+    """Origin (3,) and directions (p, 3) of the rays through all pixels' centres, object frame."""
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+    object_from_camera = invert(camera_from_object)
+    directions = camera.unproject(np.stack([u, v], -1).astype(float), np.ones(u.shape))
+    return object_from_camera[:3, 3], directions.reshape(-1, 3) @ object_from_camera[:3, :3].T
+
+
+def _first_hits(vertices, faces, origin, directions) -> tuple[Int[np.ndarray, "p"], Float[np.ndarray, "p 3"]]:
+    """Face that each ray meets first (-1: none) and where on it, in barycentric coordinates."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    TriangleMesh(scene, vertices[faces].astype(np.float32))
+    origins = np.tile(origin.astype(np.float32), (len(directions), 1))
+    hits = scene.run(origins, directions.astype(np.float32), output=True)
+    second, third = hits["u"].astype(float), hits["v"].astype(float)
+    return hits["primID"].astype(int), np.stack([1 - second - third, second, third], -1)
+
+
+def _on_faces(vertices, faces, chosen, shares) -> Float[np.ndarray, "p 3"]:
+    return np.einsum("pc,pcd->pd", shares, np.asarray(vertices)[faces[chosen]])
+
+
 def _as_colours(
-    positions: Float32[np.ndarray, "h w 3"], bounds: Float[np.ndarray, "2 3"]
-) -> UInt8[np.ndarray, "h w 3"]:
+    positions: Float[np.ndarray, "p 3"], bounds: Float[np.ndarray, "2 3"]
+) -> Float32[np.ndarray, "p 3"]:
     share = (positions - bounds[0]) / (bounds[1] - bounds[0])
-    return np.nan_to_num(1 + 254 * np.clip(share, 0, 1), nan=0).round().astype(np.uint8)
+    return (1 + 254 * np.clip(share, 0, 1)).round().astype(np.float32)

@@ -19,7 +19,8 @@ from grasptransfer.perception.samples import Sample
 
 SHARD = 128  # samples a file
 VIEWS_PER_SHAPE = 4  # drawing a shape costs more than a view of it
-SPRITE_SIDE = 128  # px
+SPRITE_SIDE = 160  # px
+OF_NO_CATEGORY = "random object"
 
 
 @dataclass(frozen=True)
@@ -31,14 +32,14 @@ class DatasetConfig:
         samples: how many, rounded up to whole shards.
         seed: of everything random.
         backgrounds: pictures in the background bank.
-        sprites: cut-out objects that serve as clutter and occluders.
+        sprites: cut-out objects that serve as clutter, occluders and objects of another category.
     """
 
     categories: tuple[str, ...]
     samples: int = 20_000
     seed: int = 0
     backgrounds: int = 2000
-    sprites: int = 300
+    sprites: int = 600
 
     @property
     def shards(self) -> int:
@@ -97,6 +98,8 @@ class Dataset:
             folder / "backgrounds.npy", mmap_mode="r"
         )
         self.sprites: UInt8[np.ndarray, "n s s 4"] = np.load(folder / "sprites.npy")
+        self.sprite_names = np.array(sprite_names(len(self.sprites)))
+        self.categories: list[str] = json.loads((folder / "config.json").read_text())["categories"]
         self._shards = [
             {field.name: np.load(path / f"{field.name}.npy", mmap_mode="r") for field in fields(Sample)}
             for path in self.paths
@@ -141,7 +144,7 @@ def _write_shard(config: DatasetConfig, target: Path, index: int):
             turn += 1
             shape = draw_training_shape(names[which], rng)
             views = (
-                render_sample(shape, canonicals[which], rng, renderer=renderer)
+                render_sample(shape, canonicals[which], rng, renderer=renderer, category=which)
                 for _ in range(VIEWS_PER_SHAPE)
             )
             samples += [view for view in views if view is not None]
@@ -154,20 +157,31 @@ def _write_shard(config: DatasetConfig, target: Path, index: int):
     os.replace(partial_path, _shard_path(target, index))
 
 
+def sprite_names(count: int) -> list[str]:
+    """What each sprite shows: a generator's category, or an object of none."""
+    from grasptransfer import shapes
+
+    names = [*shapes.generators(), OF_NO_CATEGORY]
+    return [names[index % len(names)] for index in range(count)]
+
+
 def _write_sprites(config: DatasetConfig, target: Path):
     from grasptransfer import shapes
     from grasptransfer.camera import Camera
+    from grasptransfer.perception.random_objects import draw_random_object
     from grasptransfer.perception.rendering import Renderer
     from grasptransfer.perception.scenes import draw_lighting
     from grasptransfer.perception.views import look_at
 
     rng = np.random.default_rng([config.seed, 2])
-    names = shapes.generators()
     camera = Camera.from_fov(SPRITE_SIDE, SPRITE_SIDE, np.deg2rad(30))
     sprites = []
     with Renderer() as renderer:
-        for index in range(config.sprites):
-            scene = shapes.sample(names[index % len(names)], int(rng.integers(2**31))).scene()
+        for name in sprite_names(config.sprites):
+            if name == OF_NO_CATEGORY:
+                scene = draw_random_object(rng)
+            else:
+                scene = shapes.sample(name, int(rng.integers(2**31))).scene()
             pose = look_at(1.9 * scene.scale, rng.uniform(0, 7), rng.uniform(0, 1.2))
             picture = renderer.render(scene, camera, pose, lighting=draw_lighting(rng))
             alpha = np.round(np.maximum(picture.alpha, 0.6 * picture.mask) * 255).astype(np.uint8)

@@ -18,19 +18,31 @@ def training_loss(
 
     Args:
         loss: "likelihood": Laplace likelihood of offsets and flow, each with its own predicted scale,
-            and cross-entropy of the mask. "paper": squared offset error times 1000 (section IV-C), in metres.
+            Gaussian likelihood of the latent, and cross-entropy of mask and match; heads that a network
+            lacks are left out. "paper": squared offset error times 1000 (section IV-C), in metres.
     """
     valid = targets["valid"]
     count = valid.sum().clamp(min=1)
     offset_error = _length(prediction.offset - targets["offset"])
     flow_error = _length(prediction.flow - targets["flow"])
-    mask = functional.binary_cross_entropy_with_logits(prediction.mask_logit, targets["mask"])
+    match = targets["match"]  # what is no object of the category has neither a shape nor a mask
+    mask = functional.binary_cross_entropy_with_logits(
+        prediction.mask_logit, targets["mask"], match[:, None, None, None].expand_as(targets["mask"])
+    )
     terms = {
         "offset_mm": (offset_error * valid).sum() / count * OFFSET_UNIT * 1000,
         "flow_px": (flow_error * valid).sum() / count * 10,
         "mask": mask,
-        "iou": _iou(prediction.mask_logit, targets["mask"]),
+        "iou": _iou(prediction.mask_logit, targets["mask"], match),
     }
+    heads: list[Tensor] = []
+    if prediction.latent is not None:
+        terms["shape_mm"], latent = _latent_terms(prediction, targets)
+        heads.append(0.5 * terms["shape_mm"] / (1000 * OFFSET_UNIT) + 0.3 * latent)
+    if prediction.match_logit is not None:
+        logit = prediction.match_logit.float()
+        heads.append(0.3 * functional.binary_cross_entropy_with_logits(logit, match))
+        terms["match"] = ((logit > 0) == (match > 0.5)).float().mean()
     if loss == "paper":
         squared = ((offset_error * OFFSET_UNIT) ** 2 * valid).sum() / count
         return terms | {"total": squared * 1000}
@@ -41,7 +53,21 @@ def training_loss(
     likelihood = ((offset + flow) * valid).sum() / count
     # The plain errors keep pulling where a large predicted scale has made the likelihood flat.
     robust = ((offset_error + 0.5 * flow_error) * valid).sum() / count
-    return terms | {"total": 0.2 * likelihood + robust + 2 * mask}
+    return terms | {"total": 0.2 * likelihood + robust + 2 * mask + sum(heads)}
+
+
+def _latent_terms(prediction: Prediction, targets: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+    """Mean displacement error of the predicted latent [mm], and its negative log likelihood a mode."""
+    error = prediction.latent.float() - targets["latent"]
+    size, match = targets["mode_size"], targets["match"]
+    count = match.sum().clamp(min=1)
+    moved = ((error * size).square().sum(1) + 1e-6).sqrt()
+    log_scale = prediction.latent_log_scale.float().clamp(-4, 1)
+    known = (size > 0) * match[:, None]
+    likelihood = 0.5 * (error * torch.exp(-log_scale)).square() + log_scale
+    return (moved * match).sum() / count * 1000 * OFFSET_UNIT, (likelihood * known).sum() / known.sum().clamp(
+        min=1
+    )
 
 
 def _laplace(error: Tensor, log_scale: Tensor, dimensions: int) -> Tensor:
@@ -55,7 +81,8 @@ def _length(error: Tensor) -> Tensor:
     return (error.float().square().sum(1, keepdim=True) + 1e-6).sqrt()
 
 
-def _iou(logit: Tensor, mask: Tensor) -> Tensor:
+def _iou(logit: Tensor, mask: Tensor, match: Tensor) -> Tensor:
     predicted, true = logit > 0, mask > 0.5
     both = (predicted & true).sum((1, 2, 3)).float()
-    return (both / (predicted | true).sum((1, 2, 3)).clamp(min=1)).mean()
+    ratio = both / (predicted | true).sum((1, 2, 3)).clamp(min=1)
+    return (ratio * match).sum() / match.sum().clamp(min=1)

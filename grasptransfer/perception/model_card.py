@@ -28,7 +28,7 @@ def write_card(weights: Path, config: TrainingConfig, scores: dict[str, float], 
 
 
 def _card(weights: Path, config: TrainingConfig, scores: dict[str, float], run_folder: Path) -> str:
-    parameters = sum(p.numel() for p in build_network(config.network).parameters())
+    parameters = sum(p.numel() for p in build_network(config.network, len(config.categories)).parameters())
     rows = _log(run_folder / "log.csv")
     hours = float(rows[-1]["seconds"]) / 3600 if rows else 0.0
     options = (
@@ -58,7 +58,9 @@ def _card(weights: Path, config: TrainingConfig, scores: dict[str, float], run_f
         "| --- | --- |",
         f"| mean offset error | {scores['offset_mm']:.2f} mm |",
         f"| mean flow error | {scores['flow_px']:.2f} px of 256 |",
+        f"| mean displacement error of the latent head | {scores['shape_mm']:.2f} mm |",
         f"| mask IoU | {scores['iou']:.3f} |",
+        f"| objects of this and of other categories told apart | {scores['match']:.1%} |",
         "",
         "## Curve (training batches)",
         "",

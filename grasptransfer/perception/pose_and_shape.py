@@ -38,6 +38,19 @@ class PosePrior:
 
 
 @dataclass(frozen=True)
+class LatentPrior:
+    """What is known of the latent before its visible motion is fitted: independent normal errors.
+
+    Args:
+        mean: (k,).
+        deviation: (k,) standard deviations.
+    """
+
+    mean: Float[np.ndarray, "k"]
+    deviation: Float[np.ndarray, "k"]
+
+
+@dataclass(frozen=True)
 class Motion:
     """What the network says of the visible canonical points.
 
@@ -97,6 +110,7 @@ def fit_pose_and_shape(
     told_pose: Float[np.ndarray, "4 4"],
     start_pose: Float[np.ndarray, "4 4"],
     pose_prior: PosePrior | None,
+    latent_prior: LatentPrior | None = None,
     outline: Outline | None = None,
 ) -> PoseAndShape:
     """Maximise the posterior of pose and latent.
@@ -108,12 +122,14 @@ def fit_pose_and_shape(
         told_pose: `camera_from_object` that the prior is about.
         start_pose: `camera_from_object` to start from.
         pose_prior: None trusts the start pose and fits the latent alone.
+        latent_prior: None takes the shape space's own, zero mean and unit deviation.
         outline: the predicted mask, and the model's surface whose outline must meet it.
     """
     mean, basis = model
     size = basis.shape[2]
-    pose, latent = start_pose.copy(), np.zeros(size)
-    prior = np.ones(6 + size)
+    latent_prior = latent_prior or LatentPrior(np.zeros(size), np.ones(size))
+    pose, latent = start_pose.copy(), latent_prior.mean
+    prior = np.concatenate([np.ones(6), latent_prior.deviation**-2])
     if pose_prior is not None:
         prior[:3], prior[3:6] = pose_prior.rotation**-2, pose_prior.translation**-2
     free = slice(0, None) if pose_prior is not None else slice(6, None)
@@ -129,7 +145,7 @@ def fit_pose_and_shape(
             terms = _outline_terms(outline, border, latent, pose)
             hessian, gradient = hessian + terms[0], gradient + terms[1]
         hessian[np.diag_indices(6 + size)] += prior
-        gradient += prior * np.concatenate([_drift(told_pose, pose), latent])
+        gradient += prior * np.concatenate([_drift(told_pose, pose), latent - latent_prior.mean])
         covariance[free, free] = np.linalg.inv(hessian[free, free])
         step = np.zeros(6 + size)
         step[free] = -covariance[free, free] @ gradient[free]

@@ -17,9 +17,10 @@ from grasptransfer.errors import PoseError, WeightsError
 from grasptransfer.perception.augmentation import network_input
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
-from grasptransfer.perception.networks import FLOW_UNIT, MASK_STRIDE, OFFSET_UNIT
+from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, MASK_STRIDE, OFFSET_UNIT, Prediction
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import (
+    LatentPrior,
     Motion,
     Outline,
     PoseAndShape,
@@ -27,20 +28,18 @@ from grasptransfer.perception.pose_and_shape import (
     fit_pose_and_shape,
 )
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.samples import NO_BOX_MARGIN, view_from_object
+from grasptransfer.perception.samples import view_from_object, zoom_for
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import find_weights, load_weights
 from grasptransfer.perception.zoom import (
-    ZOOM_WIDTH,
-    Box,
-    enlarge,
+    centre_on_box,
     projected_box,
-    union,
-    zoom_box,
     zoom_camera,
     zoom_picture,
 )
 
+LOOKS = 2
+ROUGH = 0.02  # m: a pose known no better is centred on the told box first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 ACCEPTED_SCORE = 0.5
 
@@ -51,15 +50,19 @@ class Look:
 
     Args:
         camera: of the zoomed picture.
-        view: canonical model at the assumed pose.
-        motion: predicted motion of its visible cells.
+        view: the model as assumed: pose and latent.
+        motion: predicted motion of its visible cells from the canonical model.
+        latent: what the picture as a whole says of the latent.
         object_probability: (h / 4, w / 4) of the zoomed picture.
+        match: probability that the object is of the category.
     """
 
     camera: Camera
     view: CanonicalView
     motion: Motion
+    latent: LatentPrior
     object_probability: Float[np.ndarray, "hh hw"]
+    match: float
 
 
 class RgbEstimator:
@@ -87,6 +90,7 @@ class RgbEstimator:
         self.pose_prior = pose_prior or PosePrior()
         path = weights or find_weights(category.name)
         self.network, info = load_weights(path)
+        self._number = list(info.categories).index(category.name) if category.name in info.categories else -1
         if info.categories.get(category.name) != category.canonical_sha256:
             raise WeightsError(
                 "was trained on another canonical model",
@@ -102,10 +106,10 @@ class RgbEstimator:
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate the shape, and the pose where `refine_pose` is set."""
         clock = _Clock()
-        pose = observation.camera_from_object
-        # A second look, from the refined pose, starts where the first one ended.
-        for _ in range(2 if self.refine_pose else 1):
-            look = self.look(observation, pose)
+        pose, latent = self._start(observation), np.zeros(self._vertex_model[1].shape[2])
+        # The second look compares the picture with what the first one made of it.
+        for _ in range(LOOKS):
+            look = self.look(observation, pose, latent)
             clock.lap("network")
             fit = fit_pose_and_shape(
                 look.motion,
@@ -115,9 +119,10 @@ class RgbEstimator:
                 told_pose=observation.camera_from_object,
                 start_pose=pose,
                 pose_prior=self.pose_prior if self.refine_pose else None,
+                latent_prior=look.latent,
                 outline=self._outline(look),
             )
-            pose = fit.camera_from_object
+            pose, latent = fit.camera_from_object, fit.latent
             clock.lap("fit")
         field = self.category.shape_space.field(fit.latent)
         score = self._score(fit, look, field)
@@ -134,29 +139,45 @@ class RgbEstimator:
             timings=clock.seconds,
         )
 
-    def look(self, observation: Observation, camera_from_object: Float[np.ndarray, "4 4"]) -> Look:
-        """Zoom on the object at this pose and let the network compare it with the canonical model."""
-        crop, told = _crop(self.category, observation, camera_from_object)
+    def _start(self, observation: Observation) -> Float[np.ndarray, "4 4"]:
+        """The told pose; a rough one is first centred on the told box, as in training."""
+        pose, box = observation.camera_from_object, observation.box
+        if not self.refine_pose or box is None or self.pose_prior.translation < ROUGH:
+            return pose
+        return centre_on_box(self._vertices, observation.camera, pose, box)
+
+    def look(
+        self,
+        observation: Observation,
+        camera_from_object: Float[np.ndarray, "4 4"],
+        latent: Float[np.ndarray, "k"],
+    ) -> Look:
+        """Zoom on the object and let the network compare it with the model at this pose, with this latent."""
+        mean, basis = self._vertex_model
+        vertices = self._vertices + mean + basis @ latent
+        model_box = projected_box(vertices, observation.camera, camera_from_object)
+        crop, told = zoom_for(model_box, observation.box)
         camera = zoom_camera(observation.camera, crop)
-        view = view_canonical(self.category.canonical, camera, camera_from_object, renderer=self.renderer)
+        view = view_canonical(self.category.canonical, camera, camera_from_object, vertices=vertices)
         if len(view.cell_points) < FEWEST_CELLS:
             raise PoseError("the canonical model is not visible at this pose", key="pose")
         picture = zoom_picture(observation.image, crop)
         inputs = network_input(picture[None], told[None], view.coordinates[None])
         with torch.inference_mode(), torch.autocast(self.device.type, dtype=torch.bfloat16):
-            prediction = self.network(inputs.to(self.device, memory_format=torch.channels_last))
+            inputs = inputs.to(self.device, memory_format=torch.channels_last)
+            prediction = self.network(inputs, torch.tensor([self._number], device=self.device))
         cells = torch.from_numpy(view.cell_mask).to(self.device)
         offset, offset_scale, flow, flow_scale = (
             part[0, :, cells].float().cpu().numpy().T.astype(float) for part in prediction[:4]
         )
         motion = Motion(
-            offset * OFFSET_UNIT @ view_from_object(camera_from_object),
+            view.cell_places - view.cell_points + offset * OFFSET_UNIT @ view_from_object(camera_from_object),
             np.exp(np.clip(offset_scale[:, 0], -5, 3)) * OFFSET_UNIT,
             view.cell_pixels + flow * FLOW_UNIT,
             np.exp(np.clip(flow_scale[:, 0], -5, 3)) * FLOW_UNIT,
         )
         probability = torch.sigmoid(prediction.mask_logit[0, 0].float()).cpu().numpy()
-        return Look(camera, view, motion, probability)
+        return Look(camera, view, motion, _latent_prior(prediction, latent), probability, _match(prediction))
 
     def _outline(self, look: Look) -> Outline:
         """What the reconstruction's outline has to meet in this look."""
@@ -190,22 +211,25 @@ class RgbEstimator:
         overlap = (silhouette & seen).sum() / max((silhouette | seen).sum(), 1)
         # Beyond three standard deviations in every mode a shape is none of the category.
         unlikely = np.sqrt(np.mean(fit.latent**2)) / 3
-        return float(overlap * np.exp(-max(0.0, unlikely - 1)))
+        return float(overlap * np.exp(-max(0.0, unlikely - 1)) * min(1.0, 2 * look.match))
 
 
-def _crop(
-    category: Category, observation: Observation, camera_from_object
-) -> tuple[Box, Float[np.ndarray, "4"]]:
-    """The zoom's box, and the told box in zoomed pixels (NaN: none)."""
-    canonical_box = projected_box(
-        np.asarray(category.canonical.vertices), observation.camera, camera_from_object
-    )
-    if observation.box is None:
-        return zoom_box(enlarge(canonical_box, NO_BOX_MARGIN)), np.full(4, np.nan, np.float32)
-    crop = zoom_box(union(canonical_box, observation.box))
-    scale = ZOOM_WIDTH / (crop[2] - crop[0])
-    told = (np.array(observation.box) - [crop[0], crop[1], crop[0], crop[1]]) * scale - 0.5
-    return crop, told.astype(np.float32)
+def _latent_prior(prediction: Prediction, assumed: Float[np.ndarray, "k"]) -> LatentPrior:
+    """What the latent head says; modes beyond its size, and networks without it, keep the prior."""
+    mean, deviation = np.zeros(len(assumed)), np.ones(len(assumed))
+    if prediction.latent is None or prediction.latent_log_scale is None:
+        return LatentPrior(mean, deviation)
+    size = min(len(assumed), LATENT_SIZE)
+    mean[:size] = assumed[:size] + prediction.latent[0, :size].float().cpu().numpy()
+    log_scale = prediction.latent_log_scale[0, :size].float().cpu().numpy()
+    deviation[:size] = np.exp(np.clip(log_scale, -4, 0))
+    return LatentPrior(mean, deviation)
+
+
+def _match(prediction: Prediction) -> float:
+    if prediction.match_logit is None:
+        return 1.0
+    return float(torch.sigmoid(prediction.match_logit[0].float()))
 
 
 def _whole_mask(look: Look, camera: Camera) -> Bool[np.ndarray, "h w"]:

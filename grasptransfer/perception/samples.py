@@ -1,48 +1,42 @@
-"""One training sample: an instance in front of nothing, the canonical at the told pose, and the true motion.
+"""One training sample: an instance alone, the model as assumed at the told pose, and what the two lack.
 
 Backgrounds, occluders and the camera's faults are added while training (`augmentation.py`),
 so each rendered sample serves many times and never looks the same twice.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
-from jaxtyping import Bool, Float, Float16, Float32, Int, UInt8
+from jaxtyping import Bool, Float, Float16, Float32, UInt8
 
 from grasptransfer.camera import Camera
-from grasptransfer.frames import invert, transform_points
-from grasptransfer.perception.canonical_view import cell_centres, view_canonical
-from grasptransfer.perception.networks import FLOW_UNIT, OFFSET_UNIT
+from grasptransfer.frames import transform_points
+from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
+from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, OFFSET_UNIT
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.scenes import (
     TRAINING_NOISE_SHARES,
     TRAINING_NOISES,
+    WIDE_NOISE,
     PoseNoise,
     draw_camera,
     draw_lighting,
     draw_pose,
     towards,
 )
-from grasptransfer.perception.zoom import Box, enlarge, projected_box, union, zoom_box, zoom_camera
+from grasptransfer.perception.training_shapes import TrainingCanonical, TrainingShape
+from grasptransfer.perception.zoom import (
+    ZOOM_WIDTH,
+    Box,
+    centre_on_box,
+    enlarge,
+    projected_box,
+    union,
+    zoom_box,
+    zoom_camera,
+)
 
 NO_BOX_MARGIN = 1.3  # without a detection the canonical's own box, this much larger, is searched
-
-
-@dataclass(frozen=True)
-class TrainingShape:
-    """An instance with its known motion from the canonical model.
-
-    Args:
-        scene: the textured instance, object frame, metres.
-        vertices: (v, 3) of its surface, object frame [m].
-        move: canonical points (m, 3) and the face of each -> points on the instance (m, 3), valid (m,).
-    """
-
-    scene: trimesh.Scene | trimesh.Trimesh
-    vertices: Float[np.ndarray, "v 3"]
-    move: Callable[[Float[np.ndarray, "m 3"], Int[np.ndarray, "m"]], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -55,59 +49,66 @@ class Sample:
     offset: Float16[np.ndarray, "24 32 3"]  # view axes [OFFSET_UNIT]
     flow: Float16[np.ndarray, "24 32 2"]  # [FLOW_UNIT]
     valid: Bool[np.ndarray, "24 32"]
+    latent: Float32[np.ndarray, "40"]  # true minus assumed
+    mode_size: Float32[np.ndarray, "40"]  # of each mode [OFFSET_UNIT]; 0 beyond the category's modes
+    category: UInt8[np.ndarray, ""]  # its number among those trained together
 
 
 def render_sample(
     shape: TrainingShape,
-    canonical: trimesh.Trimesh,
+    canonical: TrainingCanonical,
     rng: np.random.Generator,
     *,
     renderer: Renderer,
     noise: PoseNoise | None = None,
+    category: int = 0,
 ) -> Sample | None:
     """Render one sample from a random view; None where the canonical falls outside the zoom.
 
     Args:
-        canonical: geometry whose faces `shape.move` knows, canonical frame [m].
         noise: error of the told pose; None draws one of the training mixture.
+        category: number of the shape's category among those trained together.
     """
     camera = draw_camera(rng)
     radius = float(np.linalg.norm(shape.vertices, axis=1).max())
     true_pose = draw_pose(camera, radius, rng)
     noise = noise or TRAINING_NOISES[rng.choice(len(TRAINING_NOISES), p=TRAINING_NOISE_SHARES)]
+    assumed = _draw_assumed(shape.latent, rng)
+    vertices = canonical.vertices(assumed)
+    box = _draw_box(projected_box(shape.vertices, camera, true_pose), rng)
     told_pose = noise.apply(true_pose, rng)
-    box, crop = _draw_boxes(shape, canonical, camera, true_pose, told_pose, rng)
+    if box is not None and noise is WIDE_NOISE:
+        told_pose = centre_on_box(vertices, camera, told_pose, box)
+    elif noise is WIDE_NOISE:
+        told_pose = true_pose
+    crop, told_box = zoom_for(projected_box(vertices, camera, told_pose), box)
     zoomed = zoom_camera(camera, crop)
     picture = renderer.render(shape.scene, zoomed, true_pose, lighting=draw_lighting(rng))
-    view = view_canonical(canonical, zoomed, told_pose, renderer=renderer)
-    offset, flow, valid = true_motion(shape, canonical, zoomed, true_pose=true_pose, told_pose=told_pose)
-    valid &= view.cell_mask
+    view = view_canonical(canonical.mesh, zoomed, told_pose, vertices=vertices)
+    offset, flow, valid = true_motion(shape, view, zoomed, true_pose=true_pose, told_pose=told_pose)
     if not valid.any() or not picture.mask.any():
         return None
     alpha = np.round(picture.alpha * 255).astype(np.uint8)[..., None]
     silhouette = picture.mask[..., None].astype(np.uint8) * 255
     observed = np.concatenate([picture.rgb, alpha, silhouette], -1)
-    return Sample(observed, view.coordinates, box, offset, flow, valid)
+    latent, mode_size = np.zeros(LATENT_SIZE, np.float32), np.zeros(LATENT_SIZE, np.float32)
+    latent[: canonical.n_modes] = shape.latent - assumed
+    mode_size[: canonical.n_modes] = canonical.mode_size / OFFSET_UNIT
+    number = np.array(category, np.uint8)
+    return Sample(observed, view.coordinates, told_box, offset, flow, valid, latent, mode_size, number)
 
 
 def true_motion(
-    shape: TrainingShape, canonical: trimesh.Trimesh, zoomed: Camera, *, true_pose, told_pose
+    shape: TrainingShape, view: CanonicalView, zoomed: Camera, *, true_pose, told_pose
 ) -> tuple[Float16[np.ndarray, "24 32 3"], Float16[np.ndarray, "24 32 2"], Bool[np.ndarray, "24 32"]]:
     """Offsets, flow and their validity at the network's cells, from exact correspondences."""
-    rows, columns = cell_centres(zoomed)
-    pixels = np.stack(np.meshgrid(columns, rows), -1).astype(float)
-    object_from_camera = invert(told_pose)
-    rays = zoomed.unproject(pixels, np.ones(pixels.shape[:2])) @ object_from_camera[:3, :3].T
-    origins = np.broadcast_to(object_from_camera[:3, 3], (rays.size // 3, 3))
-    points, ray, face = canonical.ray.intersects_location(origins, rays.reshape(-1, 3), multiple_hits=False)
-    faces = canonical.ray.intersects_first(origins[ray], rays.reshape(-1, 3)[ray]) if face is None else face
-    moved, known = shape.move(points, faces)
+    moved, known = shape.move(view.cell_points, view.cell_faces)
     seen = zoomed.project(transform_points(true_pose, moved))
-    cells = np.unravel_index(ray, pixels.shape[:2])
-    offset, flow = np.zeros((*pixels.shape[:2], 3), np.float16), np.zeros((*pixels.shape[:2], 2), np.float16)
-    valid = np.zeros(pixels.shape[:2], bool)
-    offset[cells] = (moved - points) @ view_from_object(told_pose).T / OFFSET_UNIT
-    flow[cells] = (seen - pixels[cells]) / FLOW_UNIT
+    cells, size = view.cell_mask, view.cell_mask.shape
+    offset, flow = np.zeros((*size, 3), np.float16), np.zeros((*size, 2), np.float16)
+    valid = np.zeros(size, bool)
+    offset[cells] = (moved - view.cell_places) @ view_from_object(told_pose).T / OFFSET_UNIT
+    flow[cells] = (seen - view.cell_pixels) / FLOW_UNIT
     valid[cells] = known
     return offset, flow, valid
 
@@ -121,17 +122,39 @@ def view_from_object(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.n
     return towards(camera_from_object[:3, 3]).T @ camera_from_object[:3, :3]
 
 
-def _draw_boxes(shape, canonical, camera, true_pose, told_pose, rng) -> tuple[Float32[np.ndarray, "4"], Box]:
-    """The told box (in zoomed pixels; sometimes loose, sometimes none) and the zoom's box."""
-    canonical_box = projected_box(canonical.vertices, camera, told_pose)
+def zoom_for(model_box: Box, box: Box | None) -> tuple[Box, Float32[np.ndarray, "4"]]:
+    """The zoom's box in the whole picture, and the told box in zoomed pixels (NaN: none told).
+
+    Args:
+        model_box: around the model at the told pose.
+        box: around the object; None searches around the model.
+    """
+    if box is None:
+        return zoom_box(enlarge(model_box, NO_BOX_MARGIN)), np.full(4, np.nan, np.float32)
+    crop = zoom_box(union(model_box, box))
+    scale = ZOOM_WIDTH / (crop[2] - crop[0])
+    told = (np.array(box) - [crop[0], crop[1], crop[0], crop[1]]) * scale - 0.5
+    return crop, told.astype(np.float32)
+
+
+def _draw_assumed(latent: Float[np.ndarray, "k"], rng: np.random.Generator) -> Float[np.ndarray, "k"]:
+    """What is assumed of the latent: nothing, or an earlier estimate of it.
+
+    An estimate whose error has standard deviation s is drawn back to the prior mean as a posterior mean
+    is: the truth, given the estimate, is expected where the estimate is.
+    """
+    if rng.random() < 0.5:
+        return np.zeros(len(latent))
+    error = rng.uniform(0.15, 0.9)
+    keep = 1 - error**2
+    return keep * latent + error * np.sqrt(keep) * rng.normal(size=len(latent))
+
+
+def _draw_box(true_box: Box, rng: np.random.Generator) -> Box | None:
+    """What a detector tells: sometimes a loose box, sometimes none."""
     if rng.random() < 0.25:
-        crop = zoom_box(enlarge(canonical_box, NO_BOX_MARGIN))
-        return np.full(4, np.nan, np.float32), crop
-    u0, v0, u1, v1 = projected_box(shape.vertices, camera, true_pose)
+        return None
+    u0, v0, u1, v1 = true_box
     width, height = u1 - u0, v1 - v0
     shift = rng.normal(0, rng.choice([0.005, 0.03]), 4) * [width, height, width, height]
-    box = (u0 + shift[0], v0 + shift[1], u1 + shift[2], v1 + shift[3])
-    crop = zoom_box(union(canonical_box, box))
-    scale = 256 / (crop[2] - crop[0])
-    told = (np.array(box) - [crop[0], crop[1], crop[0], crop[1]]) * scale - 0.5
-    return told.astype(np.float32), crop
+    return u0 + shift[0], v0 + shift[1], u1 + shift[2], v1 + shift[3]

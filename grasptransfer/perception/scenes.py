@@ -40,8 +40,9 @@ class PoseNoise:
 
 NO_NOISE = PoseNoise(0.0, 0.0)
 PAPER_NOISE = PoseNoise(0.05, 0.0)  # section VI: uniform +-5 cm on each axis
-TRAINING_NOISES = (NO_NOISE, PoseNoise(0.01, np.deg2rad(3)))
-TRAINING_NOISE_SHARES = (0.5, 0.5)
+WIDE_NOISE = PoseNoise(0.05, np.deg2rad(10))  # only beside a box, on which the pose is then centred
+TRAINING_NOISES = (NO_NOISE, PoseNoise(0.01, np.deg2rad(3)), WIDE_NOISE)
+TRAINING_NOISE_SHARES = (0.4, 0.35, 0.25)
 
 
 def draw_camera(rng: np.random.Generator) -> Camera:

@@ -14,7 +14,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from grasptransfer.category import load_category
 from grasptransfer.errors import SettingsError
-from grasptransfer.perception.augmentation import training_batch
+from grasptransfer.perception.augmentation import Inputs, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
 from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import build_network
@@ -129,10 +129,12 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
     collected: list[dict[str, float]] = []
     with torch.inference_mode():
         for start in range(0, len(held_out) - config.batch + 1, config.batch):
-            inputs, targets = training_batch(held_out, np.arange(start, start + config.batch), rng)
+            (pictures, numbers), targets = training_batch(
+                held_out, np.arange(start, start + config.batch), rng
+            )
             targets = {name: value.to(device) for name, value in targets.items()}
             with torch.autocast(device.type, dtype=torch.bfloat16):
-                prediction = network(inputs.to(device))
+                prediction = network(pictures.to(device), numbers.to(device))
             collected.append(
                 {k: v.item() for k, v in training_loss(prediction, targets, config.loss).items()}
             )
@@ -146,7 +148,8 @@ class _Run:
     def __init__(self, config: TrainingConfig, folder: Path, device: torch.device, rank: int, world: int):
         torch.manual_seed(config.seed)
         self.config, self.folder, self.device, self.rank, self.world = config, folder, device, rank, world
-        self.network = build_network(config.network).to(device, memory_format=torch.channels_last)
+        self.network = build_network(config.network, len(config.categories))
+        self.network.to(device, memory_format=torch.channels_last)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
@@ -163,11 +166,11 @@ class _Run:
         indices = rng.integers(len(dataset), size=self.config.batch // self.world)
         return training_batch(dataset, np.sort(indices), rng)
 
-    def advance(self, inputs, targets) -> dict[str, torch.Tensor]:
-        inputs = inputs.to(self.device, memory_format=torch.channels_last)
+    def advance(self, inputs: Inputs, targets: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        pictures = inputs[0].to(self.device, memory_format=torch.channels_last)
         targets = {name: value.to(self.device) for name, value in targets.items()}
         with torch.autocast(self.device.type, dtype=torch.bfloat16):
-            prediction = self.parallel(inputs)
+            prediction = self.parallel(pictures, inputs[1].to(self.device))
         terms = training_loss(prediction, targets, self.config.loss)
         self.optimiser.zero_grad(set_to_none=True)
         terms["total"].backward()

@@ -1,21 +1,90 @@
 """Where training instances come from: parametric shapes (unlimited) or the meshes of a category."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
 import numpy as np
 import trimesh
+from jaxtyping import Bool, Float, Int
 
 from grasptransfer import shapes
 from grasptransfer.category import Category, load_category
-from grasptransfer.perception.samples import TrainingShape
+from grasptransfer.perception.networks import LATENT_SIZE
+from grasptransfer.registration.posterior import LatentPosterior
 
 RHOS = (0.0, 0.25, 0.5, 0.75)  # section V-B: how far a shape is drawn back to the canonical model
 RHO_SHARES = (0.7, 0.1, 0.1, 0.1)
 
 
-def training_canonical(name: str) -> trimesh.Trimesh:
-    """The canonical geometry whose faces the training shapes of this category move."""
-    if name in shapes.generators():
-        return shapes.canonical(name).mesh()
-    return load_category(name).canonical
+LATENT_POINTS = 1200  # canonical points from which a shape's true latent is found
+LATENT_NOISE = 1e-3  # m: what the shape space cannot express
+
+Model = tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]
+Move = Callable[
+    [Float[np.ndarray, "m 3"], Int[np.ndarray, "m"]], tuple[Float[np.ndarray, "m 3"], Bool[np.ndarray, "m"]]
+]
+
+
+@dataclass(frozen=True)
+class TrainingShape:
+    """An instance with its known motion from the canonical model.
+
+    Args:
+        scene: the textured instance, object frame, metres.
+        vertices: (v, 3) of its surface, object frame [m].
+        move: canonical points (m, 3) and the face of each -> points on the instance (m, 3), known (m,).
+        latent: (k,) of the whole motion.
+    """
+
+    scene: trimesh.Scene | trimesh.Trimesh
+    vertices: Float[np.ndarray, "v 3"]
+    move: Move
+    latent: Float[np.ndarray, "k"]
+
+
+@dataclass(frozen=True)
+class TrainingCanonical:
+    """The canonical model that the training shapes of a category move, and how its space displaces it.
+
+    Args:
+        mesh: geometry whose faces the training shapes move [m].
+        model: mean and basis of the displacement of its vertices [m], at most `LATENT_SIZE` modes.
+    """
+
+    mesh: trimesh.Trimesh
+    model: Model
+
+    @property
+    def n_modes(self) -> int:
+        """Modes of the shape space."""
+        return self.model[1].shape[2]
+
+    @cached_property
+    def mode_size(self) -> Float[np.ndarray, "k"]:
+        """How far one standard deviation of each mode moves the surface: root mean square [m]."""
+        return np.sqrt(np.square(self.model[1]).sum(1).mean(0))
+
+    def vertices(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
+        """The vertices of the shape with this latent [m]."""
+        mean, basis = self.model
+        return np.asarray(self.mesh.vertices) + mean + basis @ latent
+
+    def latent_of(self, displacements, known) -> Float[np.ndarray, "k"]:
+        """The latent that explains these displacements (v, 3) [m] of the known vertices best."""
+        chosen = np.flatnonzero(known)
+        chosen = chosen[:: max(len(chosen) // LATENT_POINTS, 1)]
+        mean, basis = self.model
+        return LatentPosterior.of(mean[chosen], basis[chosen], displacements[chosen], LATENT_NOISE).mean
+
+
+@lru_cache(maxsize=8)
+def training_canonical(name: str) -> TrainingCanonical:
+    """The canonical model of a category, for training."""
+    category = load_category(name)
+    mesh = shapes.canonical(name).mesh() if name in shapes.generators() else category.canonical
+    mean, basis = category.shape_space.displacement_model(np.asarray(mesh.vertices))
+    return TrainingCanonical(mesh, (mean, basis[..., :LATENT_SIZE]))
 
 
 def draw_training_shape(name: str, rng: np.random.Generator) -> TrainingShape:
@@ -31,14 +100,16 @@ def _parametric(name: str, seed: int, rho: float) -> TrainingShape:
     canonical = shapes.canonical(name)
     sample = shapes.sample(name, seed).towards(canonical, rho)
     rest, moved = canonical.mesh(), sample.mesh()
+    corresponds = np.asarray(sample.corresponds)
 
     def move(points, faces):
         corners = rest.faces[faces]
         weights = trimesh.triangles.points_to_barycentric(rest.vertices[corners], points)
         places = np.einsum("mc,mcd->md", weights, moved.vertices[corners])
-        return places, sample.corresponds[corners].all(1)
+        return places, corresponds[corners].all(1)
 
-    return TrainingShape(sample.scene(), np.asarray(moved.vertices), move)
+    latent = training_canonical(name).latent_of(moved.vertices - rest.vertices, corresponds)
+    return TrainingShape(sample.scene(), np.asarray(moved.vertices), move, latent)
 
 
 def _of_instance(category: Category, index: int, rho: float) -> TrainingShape:
@@ -53,4 +124,8 @@ def _of_instance(category: Category, index: int, rho: float) -> TrainingShape:
     def move(points, _faces):
         return points + (1 - rho) * field.displacement(points), np.ones(len(points), bool)
 
-    return TrainingShape(mesh, np.asarray(mesh.vertices), move)
+    canonical = training_canonical(category.name)
+    rest = np.asarray(canonical.mesh.vertices)
+    moved, known = move(rest, np.zeros(len(rest), int))
+    latent = canonical.latent_of(moved - rest, known)
+    return TrainingShape(mesh, np.asarray(mesh.vertices), move, latent)

@@ -9,7 +9,7 @@ from pathlib import Path
 from grasptransfer.category import objects_folder
 from grasptransfer.errors import WeightsError
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class WeightsInfo:
 
     Args:
         network: name for `build_network`.
-        categories: canonical checksum of each category it was trained on.
+        categories: canonical checksum of each category it was trained on, in the order of their numbers.
     """
 
     network: str
@@ -74,9 +74,10 @@ def load_weights(path: Path):
         raise WeightsError("is corrupt: the checksum does not match", path=path, fix="Get the file again")
     if header["network"] not in network_names():
         raise WeightsError("unknown network", path=path, value=header["network"], choices=network_names())
-    network = build_network(header["network"])
+    categories = json.loads(header["categories"])
+    network = build_network(header["network"], len(categories))
     network.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
-    return network.eval(), WeightsInfo(header["network"], json.loads(header["categories"]))
+    return network.eval(), WeightsInfo(header["network"], categories)
 
 
 def find_weights(category: str) -> Path:

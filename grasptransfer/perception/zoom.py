@@ -35,6 +35,21 @@ def enlarge(box: Box, factor: float) -> Box:
     return u - half_u, v - half_v, u + half_u, v + half_v
 
 
+def centre_on_box(
+    points_object: Float[np.ndarray, "m 3"],
+    camera: Camera,
+    camera_from_object: Float[np.ndarray, "4 4"],
+    box: Box,
+) -> Float[np.ndarray, "4 4"]:
+    """The pose shifted across the view until the projection of `points_object` [m] has the box's centre."""
+    pose = camera_from_object.copy()
+    for _ in range(2):  # the second undoes what perspective left
+        u0, v0, u1, v1 = projected_box(points_object, camera, pose)
+        pose[0, 3] += ((box[0] + box[2]) - (u0 + u1)) / 2 * pose[2, 3] / camera.fx
+        pose[1, 3] += ((box[1] + box[3]) - (v0 + v1)) / 2 * pose[2, 3] / camera.fy
+    return pose
+
+
 def zoom_box(box: Box) -> Box:
     """The box of the network's aspect ratio around `box`, with a margin."""
     u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2

@@ -1,7 +1,7 @@
 """Networks that see the observed and the canonical picture and predict, per canonical pixel, how it moves.
 
-Every network maps `(b, 8, 192, 256)` (observed RGB and box mask, canonical coordinates and
-mask) to a `Prediction`. They differ in size and speed only.
+Every network maps `(b, 8, 192, 256)` (observed RGB and box mask, coordinates and mask of the model as
+assumed so far) and the number of each sample's category to a `Prediction`.
 """
 
 from typing import NamedTuple
@@ -16,18 +16,22 @@ CELL_PIXEL = 2  # which row and column of its pixels a cell stands for
 MASK_STRIDE = 4
 OFFSET_UNIT = 0.01  # m: the networks predict offsets in centimetres, numbers near one
 FLOW_UNIT = 10.0  # px of the zoomed picture
+LATENT_SIZE = 40  # modes a network can speak of; a shape space with more keeps the rest at its prior
 
 
 class Prediction(NamedTuple):
     """Network output; cell (i, j) belongs to zoomed pixel (u, v) = (8 j + 2, 8 i + 2).
 
     Args:
-        offset: displacement of the canonical point seen in the cell, view axes (`samples.view_from_object`)
-            [OFFSET_UNIT].
+        offset: how much farther the assumed model's point seen in the cell is displaced, view axes
+            (`samples.view_from_object`) [OFFSET_UNIT].
         offset_log_scale: logarithm of its Laplace scale [OFFSET_UNIT].
-        flow: from the canonical pixel to where the displaced point is observed [FLOW_UNIT].
+        flow: from the cell's pixel to where the point is observed [FLOW_UNIT].
         flow_log_scale: logarithm of its Laplace scale [FLOW_UNIT].
         mask_logit: of the observed object, at a quarter of the input's resolution.
+        latent: what the assumed latent lacks, None from a network without this head.
+        latent_log_scale: logarithm of the standard deviation of its error.
+        match_logit: that the observed object is of the category.
     """
 
     offset: Float[Tensor, "b 3 24 32"]
@@ -35,6 +39,9 @@ class Prediction(NamedTuple):
     flow: Float[Tensor, "b 2 24 32"]
     flow_log_scale: Float[Tensor, "b 1 24 32"]
     mask_logit: Float[Tensor, "b 1 48 64"]
+    latent: Float[Tensor, "b 40"] | None = None
+    latent_log_scale: Float[Tensor, "b 40"] | None = None
+    match_logit: Float[Tensor, "b"] | None = None
 
 
 def network_names() -> list[str]:
@@ -42,10 +49,10 @@ def network_names() -> list[str]:
     return ["compact"]
 
 
-def build_network(name: str) -> nn.Module:
-    """A freshly initialised network."""
+def build_network(name: str, categories: int = 1) -> nn.Module:
+    """A freshly initialised network for this many categories."""
     if name == "compact":
         from grasptransfer.perception.networks.compact import CompactFlowNet
 
-        return CompactFlowNet()
+        return CompactFlowNet(categories)
     raise SettingsError("unknown network", key="network", value=name, choices=network_names())

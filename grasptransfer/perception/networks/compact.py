@@ -7,19 +7,24 @@ and batch statistics that mix them fail in evaluation.
 import itertools
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from grasptransfer.perception.networks import Prediction
+from grasptransfer.perception.networks import LATENT_SIZE, Prediction
 
-WIDTHS = (32, 64, 112, 176)  # channels at strides 4, 8, 16, 32
+WIDTHS = (32, 64, 128, 208)  # channels at strides 4, 8, 16, 32
+CONTEXT = 320
 
 
 class CompactFlowNet(nn.Module):
-    """Encoder to stride 32 with a global context, decoder back to stride 8 (mask: 4)."""
+    """Encoder to stride 32 with a global context, decoder back to stride 8 (mask: 4).
 
-    def __init__(self):
+    Args:
+        categories: how many it serves; each has its own last layer for the latent.
+    """
+
+    def __init__(self, categories: int = 1):
         super().__init__()
         # One wide strided convolution: fine levels cost most of the time and hold least of the answer.
         self.stem = nn.Sequential(nn.Conv2d(8, WIDTHS[0], 8, 4, 2, bias=False), _norm(WIDTHS[0]), nn.ReLU())
@@ -31,32 +36,47 @@ class CompactFlowNet(nn.Module):
         self.context = nn.Sequential(
             nn.Conv2d(WIDTHS[-1], 24, 1),
             nn.Flatten(),
-            nn.Linear(24 * 6 * 8, 256),
+            nn.Linear(24 * 6 * 8, CONTEXT),
             nn.ReLU(),
-            nn.Linear(256, WIDTHS[-1]),
         )
+        self.spread = nn.Linear(CONTEXT, WIDTHS[-1])
+        self.shape = nn.Sequential(nn.Linear(CONTEXT, CONTEXT), nn.ReLU())
+        self.latent = nn.Linear(CONTEXT, categories * 2 * LATENT_SIZE)
+        self.match = nn.Linear(CONTEXT, 1)
         self.up = nn.ModuleList(
             nn.Sequential(_conv(a + b, b, 1), ResidualBlock(b))
             for a, b in zip(WIDTHS[:1:-1], WIDTHS[-2:0:-1], strict=True)
         )
         self.motion = nn.Conv2d(WIDTHS[1], 7, 3, 1, 1)
         self.mask = nn.Sequential(_conv(WIDTHS[1] + WIDTHS[0], 24, 1), nn.Conv2d(24, 1, 3, 1, 1))
-        nn.init.zeros_(self.motion.weight)
-        nn.init.zeros_(self.motion.bias)
+        for head in (self.motion, self.latent):
+            nn.init.zeros_(head.weight)
+            nn.init.zeros_(head.bias)
 
-    def forward(self, pictures: Float[Tensor, "b 8 192 256"]) -> Prediction:
-        """Predict from observed RGB + box and canonical coordinates + mask, stacked."""
+    def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
+        """Predict from observed RGB + box and the model's coordinates + mask, stacked.
+
+        Args:
+            category: number of each sample's category.
+        """
         levels = [self.stem(pictures)]
         for stage in self.down:
             levels.append(stage(levels[-1]))
         deep = levels[-1]
-        deep = deep + self.context(deep)[:, :, None, None]
+        context = self.context(deep)
+        deep = deep + self.spread(context)[:, :, None, None]
         for stage, skip in zip(self.up, levels[-2:0:-1], strict=True):
             deep = stage(torch.cat([_double(deep), skip], 1))
         motion = self.motion(deep)
         mask = self.mask(torch.cat([_double(deep), levels[0]], 1))
         offset, offset_log_scale, flow, flow_log_scale = motion.split([3, 1, 2, 1], 1)
-        return Prediction(offset, offset_log_scale, flow, flow_log_scale, mask)
+        shape = self.shape(context)
+        latents = self.latent(shape).view(len(shape), -1, 2, LATENT_SIZE)
+        latent, latent_log_scale = latents[torch.arange(len(shape)), category].unbind(1)
+        match = self.match(shape)[:, 0]
+        return Prediction(
+            offset, offset_log_scale, flow, flow_log_scale, mask, latent, latent_log_scale, match
+        )
 
 
 class ResidualBlock(nn.Module):
