@@ -1,0 +1,32 @@
+"""`grasptransfer annotate`: the annotator, served in the browser."""
+
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+
+Positional = tyro.conf.Positional
+console = Console(markup=False, soft_wrap=True)
+
+
+def annotate(
+    category: Positional[str],
+    *,
+    gripper: str = "panda",
+    grasps: Path | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+) -> int:
+    """Annotate grasps of a category in the browser.
+
+    Args:
+        category: name or folder.
+        gripper: name, or YAML of your own.
+        grasps: file to edit; the category's own if none is given.
+        host: address to serve at; 0.0.0.0 lets other machines in.
+        port: to serve at.
+    """
+    from grasptransfer.annotator import annotate as serve
+
+    serve(category, gripper=gripper, path=grasps, host=host, port=port, on_ready=console.print)
+    return 0

@@ -1,0 +1,113 @@
+"""`grasptransfer category …`: list, describe, check and build categories."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from grasptransfer.report.progress import progress_bar
+
+Positional = tyro.conf.Positional
+console = Console(markup=False)
+
+
+def list_() -> int:
+    """List the shipped categories."""
+    from grasptransfer.category import list_categories, load_category
+
+    table = Table("category", "train", "test", "modes", "beta", "grasps")
+    for name in list_categories():
+        category = load_category(name)
+        settings = category.settings
+        row = (len(category.train), len(category.test), settings.modes, f"{settings.beta:g}")
+        table.add_row(name, *(str(value) for value in row), "yes" if category.grasps_path.is_file() else "no")
+    console.print(table)
+    return 0
+
+
+def info(category: Positional[str]) -> int:
+    """Describe a category: settings, split, measured figures.
+
+    Args:
+        category: name or folder.
+    """
+    from grasptransfer.category import load_category
+
+    loaded = load_category(category)
+    console.print(loaded.file.model_dump(exclude={"checksums"}, by_alias=True))
+    return 0
+
+
+def check(category: Positional[Path]) -> int:
+    """Verify a category folder and explain every fault.
+
+    Args:
+        category: name or folder.
+    """
+    from grasptransfer.category import check_category, load_category
+
+    faults = check_category(category if category.is_dir() else load_category(str(category)).folder)
+    for fault in faults:
+        console.print(f"fault: {fault}", soft_wrap=True)
+    console.print("no fault" if not faults else f"{len(faults)} faults")
+    return 2 if faults else 0
+
+
+def build(
+    name: Positional[str],
+    *,
+    meshes: Path,
+    canonical: str | None = None,
+    test: tuple[str, ...] = (),
+    out: Path | None = None,
+    front: str = "+x",
+    up: str = "+z",
+    scale: float = 1.0,
+    workers: int = 2,
+    overwrite: bool = False,
+) -> int:
+    """Build a category from your own meshes or point clouds; started again, it resumes.
+
+    Args:
+        name: of the category.
+        meshes: folder of NAME.obj or NAME/mesh.obj (glb gltf obj ply stl off pcd xyz).
+        canonical: instance to take as the canonical model, a name or file; default: the best scored.
+        test: instances to keep out of the shape space.
+        out: folder to write; default: NAME here.
+        front: axis of the files that is the front.
+        up: axis of the files that points up.
+        scale: metres in one unit of the files.
+        workers: processes.
+        overwrite: replace an existing folder, keeping its grasps.
+    """
+    from grasptransfer.category.build import build_category
+    from grasptransfer.report.category_page import category_page
+
+    with progress_bar(console) as progress:
+        task = progress.add_task("checking", total=None)
+        built = build_category(
+            name,
+            meshes=meshes,
+            canonical=Path(canonical).stem if canonical else None,
+            test=test,
+            out=out,
+            front=front,
+            up=up,
+            scale=scale,
+            workers=workers,
+            overwrite=overwrite,
+            progress=lambda state: progress.update(
+                task, description=state.step, completed=state.done, total=state.total
+            ),
+        )
+    page = category_page(built, built.category.folder / "category.html")
+    console.print(
+        f"Category: {built.category.folder}\nEvery registration and the modes: {page}", soft_wrap=True
+    )
+    return 0
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"list": list_, "info": info, "check": check, "build": build}
