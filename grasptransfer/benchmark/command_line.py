@@ -155,6 +155,29 @@ def photos(
     return _bench(lambda tick: run_photo_benchmark(settings, progress=tick), json)
 
 
+def refusal(
+    *,
+    json: Path,
+    categories: tuple[str, ...] = (),
+    views: int = 4,
+    random_objects: int = 12,
+    seed: int = 0,
+) -> int:
+    """How often rgb accepts objects of other categories or of none, and refuses its own.
+
+    Args:
+        json: file for the results.
+        categories: names; none given: all that have weights.
+        views: of each object.
+        random_objects: objects of no category beside the test instances.
+        seed: of random objects, lights and backgrounds.
+    """
+    from grasptransfer.benchmark.refusal import RefusalSettings, run_refusal_benchmark
+
+    settings = RefusalSettings(_trained(categories), views, random_objects, seed)
+    return _bench(lambda tick: run_refusal_benchmark(settings, progress=tick), json)
+
+
 def _bench(run: Callable[[Callable[[int, int], None]], dict], path: Path) -> int:
     """Run a benchmark under a progress bar, write its JSON and print its summary."""
     from grasptransfer.benchmark.document import write_document
@@ -183,4 +206,5 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "pose-noise": pose_noise,
     "grasp": grasp,
     "photos": photos,
+    "refusal": refusal,
 }

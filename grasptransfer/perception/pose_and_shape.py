@@ -19,6 +19,7 @@ from grasptransfer.perception.silhouette import Silhouette
 INDEPENDENT_CELLS = 10.0
 ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
+TAIL = 3.0  # degrees of freedom of the pose prior, a Student t distribution
 # When the vertices on the outline are searched: once flow and offsets have brought it near, and then
 # again; after that they stay, or the fit would jump between neighbouring vertices for ever.
 OUTLINE_SEARCHES = (3, 6, 9)
@@ -144,8 +145,10 @@ def fit_pose_and_shape(
                 border = outline.silhouette.outline(outline.shaped(latent), pose)
             terms = _outline_terms(outline, border, latent, pose)
             hessian, gradient = hessian + terms[0], gradient + terms[1]
-        hessian[np.diag_indices(6 + size)] += prior
-        gradient += prior * np.concatenate([_drift(told_pose, pose), latent - latent_prior.mean])
+        astray = np.concatenate([_drift(told_pose, pose), latent - latent_prior.mean])
+        holding = prior * _tail_weight(astray, prior)
+        hessian[np.diag_indices(6 + size)] += holding
+        gradient += holding * astray
         covariance[free, free] = np.linalg.inv(hessian[free, free])
         step = np.zeros(6 + size)
         step[free] = -covariance[free, free] @ gradient[free]
@@ -156,6 +159,14 @@ def fit_pose_and_shape(
         if converged and (outline is None or iteration > OUTLINE_SEARCHES[-1]):
             break
     return PoseAndShape(pose, latent, covariance, converged)
+
+
+def _tail_weight(astray, prior) -> Float[np.ndarray, "s"]:
+    """How much of the prior's hold is left: told poses are mostly good, but a bad one is far off."""
+    weight = np.ones(len(astray))
+    for part in (slice(0, 3), slice(3, 6)):
+        weight[part] = 1 / (1 + np.sum(prior[part] * astray[part] ** 2) / TAIL)
+    return weight
 
 
 def _drift(told_pose, pose) -> Float[np.ndarray, "6"]:

@@ -39,7 +39,7 @@ from grasptransfer.perception.zoom import (
 )
 
 LOOKS = 2
-ROUGH = 0.02  # m: a pose known no better is centred on the told box first
+ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 ACCEPTED_SCORE = 0.5
 
@@ -140,11 +140,15 @@ class RgbEstimator:
         )
 
     def _start(self, observation: Observation) -> Float[np.ndarray, "4 4"]:
-        """The told pose; a rough one is first centred on the told box, as in training."""
-        pose, box = observation.camera_from_object, observation.box
-        if not self.refine_pose or box is None or self.pose_prior.translation < ROUGH:
+        """The told pose; one that lies far from the told box is first centred on it, as in training."""
+        pose, camera, box = observation.camera_from_object, observation.camera, observation.box
+        if not self.refine_pose or box is None:
             return pose
-        return centre_on_box(self._vertices, observation.camera, pose, box)
+        u0, v0, u1, v1 = projected_box(self._vertices, camera, pose)
+        aside = np.hypot(box[0] + box[2] - u0 - u1, box[1] + box[3] - v0 - v1) / 2
+        if aside < ROUGH * max(box[2] - box[0], box[3] - box[1]):
+            return pose
+        return centre_on_box(self._vertices, camera, pose, box)
 
     def look(
         self,
