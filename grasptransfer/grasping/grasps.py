@@ -16,7 +16,7 @@ from pydantic import Field
 
 from grasptransfer.errors import GraspFileError
 from grasptransfer.frames import rigid
-from grasptransfer.grasping.atomic import replacing
+from grasptransfer.files import replacing
 from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp, Symmetry, expand_symmetry
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
 from grasptransfer.grasping.yaml_models import (
@@ -281,7 +281,8 @@ def save_grasps(
     """Write grasps of the canonical model as a grasp file.
 
     Raises:
-        GraspFileError: two grasps share a name, or the folder cannot be written.
+        GraspFileError: two grasps share a name.
+        SettingsError: the folder cannot be written.
     """
     path = Path(path)
     names = [grasp.name for grasp in grasps]

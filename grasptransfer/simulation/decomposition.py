@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from grasptransfer.errors import MeshError
-from grasptransfer.grasping.atomic import replacing
+from grasptransfer.files import replacing
 
 if TYPE_CHECKING:
     import manifold3d

@@ -10,8 +10,8 @@ from jaxtyping import Float, UInt8
 
 from grasptransfer.camera import Camera
 from grasptransfer.errors import SettingsError
+from grasptransfer.files import replacing
 from grasptransfer.frames import rigid
-from grasptransfer.grasping.atomic import replacing
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.simulation.outcome import Recording
 
