@@ -56,7 +56,7 @@ def transfer(
         mask: picture that is white on the object.
         execute: true mesh of the instance [m], standing at the told pose; PyBullet executes the grasps on it.
         refine_pose: fit the pose together with the shape.
-        estimator: rgb, cls, cpd, similarity or rigid.
+        estimator: rgb, rgbd, cls, cpd, similarity or rigid.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.
         seed: of everything random.
