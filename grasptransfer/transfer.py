@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from grasptransfer.perception.estimate import EstimateStatus, Estimator, ShapeEstimate
     from grasptransfer.perception.observation import Observation
 
-ESTIMATORS = ("rgb", "cls", "cpd", "similarity", "rigid")
+ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
 logger = logging.getLogger(__name__)
 
 
@@ -181,7 +181,7 @@ class GraspTransfer:
         estimated = time.perf_counter()
         result = self.grasp(observation, estimate, scene=scene)
         spent = {"shape": estimated - clock, "grasps": time.perf_counter() - estimated}
-        result = replace(result, timings=estimate.timings | spent | {"total": sum(spent.values())})
+        result = replace(result, timings=result.timings | spent | {"total": sum(spent.values())})
         if strict:
             _raise_unless_succeeded(result)
         return result
@@ -190,11 +190,23 @@ class GraspTransfer:
         self, observation: Observation, estimate: ShapeEstimate, *, scene: Scene | None = None
     ) -> TransferResult:
         """Warp, refine, check and rank the grasps on an estimated shape."""
+        timings, last = dict(estimate.timings), time.perf_counter()
+
+        def lap(stage: str):
+            nonlocal last
+            now = time.perf_counter()
+            timings[stage], last = now - last, now
+
         mesh = reconstruct(self.category, estimate.field)
         pose = estimate.camera_from_object
         world = CollisionWorld(mesh, scene, pose)
-        refined = refine_grasps(warp_grasps(self.grasps, estimate.field), world, self.gripper)
+        lap("reconstruct")
+        warped = warp_grasps(self.grasps, estimate.field)
+        lap("warp")
+        refined = refine_grasps(warped, world, self.gripper)
+        lap("refine")
         checks = check_grasps(refined, world, self.gripper, latent=estimate.latent)
+        lap("check")
         scores = rank_grasps(
             refined,
             checks,
@@ -204,6 +216,7 @@ class GraspTransfer:
             mesh=mesh,
             seed=self.seed,
         )
+        lap("rank")
         grasps = [
             TransferredGrasp(
                 name=grasp.name,
@@ -233,7 +246,7 @@ class GraspTransfer:
             mask=estimate.mask,
             category_score=estimate.category_score,
             status=estimate.status,
-            timings=estimate.timings,
+            timings=timings,
             category=self.category,
             gripper=self.gripper,
             observation=observation,
@@ -314,6 +327,11 @@ def _make_estimator(
 
     if estimator == "rgb":
         return rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
+    if estimator == "rgbd":
+        from grasptransfer.perception.rgbd import RgbdEstimator
+
+        first = rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
+        return RgbdEstimator(category, first, first.renderer, refine_pose)
     if estimator == "cls":
         return baselines.ClsEstimator(category, refine_pose=refine_pose)
     if estimator == "cpd":

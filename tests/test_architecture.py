@@ -10,6 +10,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "grasptransfer"
 ROOMS = [
     {"errors"},
+    {"files"},
     {"frames"},
     {"camera"},
     {"registration"},

@@ -194,7 +194,8 @@ class Session:
         """Write the grasp file. Comments that a person wrote into it are lost.
 
         Raises:
-            GraspFileError: there is no grasp, or the folder cannot be written.
+            GraspFileError: there is no grasp.
+            SettingsError: the folder cannot be written.
         """
         if not self._grasps:
             raise GraspFileError("there is no grasp to save", path=self.path)

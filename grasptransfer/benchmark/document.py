@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from grasptransfer import __version__
+from grasptransfer.files import write_whole
 
 
 def document(benchmark: str, *, settings: dict, rows: list[dict], summary: dict) -> dict:
@@ -29,17 +30,15 @@ def document(benchmark: str, *, settings: dict, rows: list[dict], summary: dict)
 
 def write_document(result: dict, path: Path):
     """Write it whole or not at all; NaN becomes null."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text(json.dumps(_plain(result), indent=1))
-    os.replace(unfinished, path)
+    write_whole(path, json.dumps(plain(result), indent=1).encode())
 
 
-def _plain(value):
+def plain(value):
+    """Numbers, texts, lists and dictionaries alone, as JSON knows them; NaN becomes None."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, np.generic):

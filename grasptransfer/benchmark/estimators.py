@@ -1,9 +1,11 @@
 """The estimators that are compared, by name; `gt` is the bound that true offsets give."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
+from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.baselines import ClsEstimator, CpdEstimator, RigidEstimator, SimilarityEstimator
 from grasptransfer.perception.canonical_view import view_canonical
@@ -11,11 +13,13 @@ from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.rgbd import RgbdEstimator
 from grasptransfer.perception.zoom import projected_box, zoom_box, zoom_camera
 
 from grasptransfer.benchmark.seen_instances import Instance  # isort: skip
 
 NAMES = ("gt", "cls", "cpd", "rgb", "rigid", "similarity")
+OFFERED = (*NAMES, "rgbd")
 TRUE_OFFSET_NOISE = 1e-3  # m: what the shape space cannot express of a true offset
 
 
@@ -56,11 +60,13 @@ class EstimatorSet:
     """Builds the estimators of one instance; network and renderer are shared by all instances of a category.
 
     Args:
-        refine_pose: let `rgb` and `cls` refine the pose.
+        refine_pose: let `rgb`, `rgbd` and `cls` refine the pose.
+        weights: file for `rgb`; None takes the shipped ones.
     """
 
     renderer: Renderer
     refine_pose: bool
+    weights: Path | None = None
     _rgb: RgbEstimator | None = None
 
     def of(self, instance: Instance, names: tuple[str, ...]) -> dict[str, Estimator]:
@@ -72,9 +78,10 @@ class EstimatorSet:
         if name == "gt":
             return TrueOffsetsEstimator(instance, self.renderer)
         if name == "rgb":
-            if self._rgb is None or self._rgb.category.name != category.name:
-                self._rgb = RgbEstimator(category, renderer=self.renderer, refine_pose=self.refine_pose)
-            return _without_depth(self._rgb)
+            return _without_depth(self._picture(category))
+        if name == "rgbd":
+            first = _without_depth(self._picture(category))
+            return RgbdEstimator(category, first, self.renderer, self.refine_pose)
         if name == "cls":
             return ClsEstimator(category, refine_pose=self.refine_pose)
         if name == "cpd":
@@ -83,7 +90,14 @@ class EstimatorSet:
             return RigidEstimator(category)
         if name == "similarity":
             return SimilarityEstimator(category)
-        raise SettingsError("unknown estimator", key="estimators", value=name, choices=NAMES)
+        raise SettingsError("unknown estimator", key="estimators", value=name, choices=OFFERED)
+
+    def _picture(self, category: Category) -> RgbEstimator:
+        if self._rgb is None or self._rgb.category.name != category.name:
+            self._rgb = RgbEstimator(
+                category, renderer=self.renderer, weights=self.weights, refine_pose=self.refine_pose
+            )
+        return self._rgb
 
 
 def _without_depth(estimator: Estimator) -> Estimator:

@@ -1,29 +1,41 @@
 """`bench photos`: real photographs with known poses; compares shapes where a mesh is known, else sizes."""
 
-from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import trimesh
 import yaml
+from PIL import Image
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from grasptransfer.benchmark.document import document
-from grasptransfer.benchmark.errors_of_shape import outer_surface, shape_error
+from grasptransfer.benchmark.errors_of_shape import (
+    CANONICAL_POINTS,
+    TRUE_POINTS,
+    CanonicalSurface,
+    TrueSurface,
+    outer_surface,
+)
+from grasptransfer.benchmark.instance_pool import measure_instances
+from grasptransfer.benchmark.photo_summary import DEPTH_METHODS, summarise_photos
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import SettingsError
-from grasptransfer.perception.baselines import RigidEstimator, SimilarityEstimator
+from grasptransfer.errors import GraspTransferError, ImageError, SettingsError
+from grasptransfer.perception.baselines import (
+    ClsEstimator,
+    CpdEstimator,
+    RigidEstimator,
+    SimilarityEstimator,
+)
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
-
-METHODS = ("rgb", "rigid", "similarity")
-CANONICAL_POINTS = 8000
+from grasptransfer.perception.rgbd import RgbdEstimator
 
 
 class _Intrinsics(BaseModel):
@@ -48,6 +60,8 @@ class Photo(BaseModel):
     size_m: tuple[float, float, float] | None = None
     box: tuple[float, float, float, float] | None = None
     pose_kind: Literal["ground_truth", "pseudo"] | None = None
+    depth: str | None = None
+    mask: str | None = None
 
 
 @dataclass(frozen=True)
@@ -57,40 +71,44 @@ class PhotoSettings:
     Args:
         photos: folder with `photos.yaml`.
         categories: names; entries of others are left out.
-        refine_pose: whether `rgb` refines the given pose.
+        refine_pose: whether `rgb`, `rgbd` and `cls` refine the given pose.
         told_box: whether the object's box is told, as a detector would.
+        depth: whether the methods that use depth are measured where a photograph comes with it.
+        weights: file for `rgb`; None takes the shipped ones.
     """
 
     photos: Path
     categories: tuple[str, ...]
     refine_pose: bool = True
     told_box: bool = True
+    depth: bool = False
+    weights: Path | None = None
 
 
 def run_photo_benchmark(
-    settings: PhotoSettings, *, progress: Callable[[int, int], None] | None = None
+    settings: PhotoSettings,
+    *,
+    workers: int = 1,
+    ledger: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> dict:
-    """Errors of rgb, rigid and similarity on every photograph, as the contract's JSON document."""
+    """Errors of every method on every photograph, as the contract's JSON document.
+
+    Args:
+        workers: processes; each takes one object's photographs at a time.
+        ledger: file that an interrupted run resumes from.
+    """
     photos = [photo for photo in read_photos(settings.photos) if photo.category in settings.categories]
     if not photos:
         raise SettingsError(
             "holds no photograph of these categories", path=settings.photos, value=settings.categories
         )
-    rows = []
-    with Renderer() as renderer:
-        flows: dict[str, RgbEstimator] = {}
-        for done, photo in enumerate(photos, start=1):
-            category = load_category(photo.category)
-            if photo.category not in flows:
-                flows[photo.category] = RgbEstimator(
-                    category, renderer=renderer, refine_pose=settings.refine_pose
-                )
-            rows.append(
-                _measure(photo, category, flows[photo.category], settings=settings, renderer=renderer)
-            )
-            if progress:
-                progress(done, len(photos))
-    return document("photos", settings=asdict(settings), rows=rows, summary=_summary(rows))
+    found = list(dict.fromkeys((photo.category, _object_of(photo)) for photo in photos))
+    groups = measure_instances(
+        measure_object, settings, found, workers=workers, ledger=ledger, progress=progress
+    )
+    rows = [row for group in groups for row in group["rows"]]
+    return document("photos", settings=asdict(settings), rows=rows, summary=summarise_photos(rows))
 
 
 def read_photos(folder: Path) -> list[Photo]:
@@ -113,93 +131,140 @@ def read_photos(folder: Path) -> list[Photo]:
         raise SettingsError(first["msg"], path=path, key=f"entry {key}") from error
 
 
-def _measure(
-    photo: Photo, category: Category, rgb: RgbEstimator, *, settings: PhotoSettings, renderer
-) -> dict:
-    camera = Camera(**photo.camera.model_dump())
-    told = observe(
-        settings.photos / photo.image, np.array(photo.camera_from_object), camera=camera, mask=photo.box
-    )
-    seen = told if settings.told_box else replace(told, box=None)
-    estimators: dict[str, tuple[Estimator, Observation]] = {
+def measure_object(settings: PhotoSettings, category: str, name: str) -> dict:
+    """All photographs of one object."""
+    loaded = load_category(category)
+    photos = [p for p in read_photos(settings.photos) if (p.category, _object_of(p)) == (category, name)]
+    with Renderer() as renderer:
+        rgb = RgbEstimator(
+            loaded, renderer=renderer, weights=settings.weights, refine_pose=settings.refine_pose
+        )
+        return {"rows": [_measure(photo, loaded, rgb, settings=settings) for photo in photos]}
+
+
+def _object_of(photo: Photo) -> str:
+    return photo.object or photo.mesh or photo.image
+
+
+def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: PhotoSettings) -> dict:
+    told = _observation(photo, settings.photos, with_depth=settings.depth)
+    told_rgb = replace(told, mask=None, depth=None)
+    seen = told_rgb if settings.told_box else replace(told_rgb, box=None)
+    cases: dict[str, tuple[Estimator, Observation]] = {
         "rgb": (rgb, seen),
         "rigid": (RigidEstimator(category), told),
-        "similarity": (SimilarityEstimator(category), told),
     }
-    truth = _true_mesh(photo, settings.photos)
+    if told.box is not None:
+        cases["similarity"] = (SimilarityEstimator(category), told)
+        if told.depth is not None:
+            cases["rgbd"] = (RgbdEstimator(category, rgb, rgb.renderer, settings.refine_pose), told)
+            cases["cls"] = (ClsEstimator(category, refine_pose=settings.refine_pose), told)
+            cases["cpd"] = (CpdEstimator(category), told)
     row = {
         "image": photo.image,
-        "object": photo.object,
+        "object": _object_of(photo),
         "category": photo.category,
         "pose_kind": photo.pose_kind,
     }
-    for name, (estimator, observation) in estimators.items():
-        if name == "similarity" and told.box is None:
+    truth = _Truth.of(photo, settings.photos, told, rgb.renderer)
+    for name, (estimator, observation) in cases.items():
+        try:
+            estimate = estimator(observation)
+        except GraspTransferError as error:
+            if name not in DEPTH_METHODS:
+                raise
+            row[f"{name}_failed"] = str(error)
             continue
-        estimate = estimator(observation)
-        row[name] = _scores(estimate, category, photo, truth, observation=told, renderer=renderer)
+        row[name] = _scores(estimate, category, photo, truth, renderer=rgb.renderer)
         if name == "rgb":
             row["category_score"] = estimate.category_score
-            row["mask_iou"] = _mask_iou(estimate, truth, told, renderer)
+            row["status"] = estimate.status.value
+            row["mask_iou"] = _overlap(estimate.mask, truth.visible)
     return row
 
 
+def _observation(photo: Photo, folder: Path, *, with_depth: bool) -> Observation:
+    """The photograph with its told pose; the true mask is for the methods that use depth alone."""
+    camera = Camera(**photo.camera.model_dump())
+    pose = np.array(photo.camera_from_object)
+    told = observe(folder / photo.image, pose, camera=camera, mask=photo.box)
+    if not with_depth or photo.depth is None:
+        return told
+    millimetres = np.asarray(_open(folder / photo.depth), float)
+    measured = observe(told.image, pose, camera=camera, mask=photo.box, depth=millimetres / 1000)
+    mask = None if photo.mask is None else np.asarray(_open(folder / photo.mask).convert("L")) > 127
+    return replace(measured, mask=mask)
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """What is known of the object in a photograph.
+
+    Args:
+        surface: of its mesh; None without mesh.
+        silhouette: (h, w) pixels of its mesh at the given pose; None without mesh.
+        visible: (h, w) its visible pixels, where a mask is given; else the silhouette.
+    """
+
+    surface: TrueSurface | None
+    camera: Camera
+    silhouette: np.ndarray | None
+    visible: np.ndarray | None
+
+    @classmethod
+    def of(cls, photo: Photo, folder: Path, told: Observation, renderer: Renderer) -> "_Truth":
+        surface, silhouette = None, None
+        if photo.mesh is not None:
+            mesh, surface = _known_mesh(folder / photo.mesh)
+            silhouette = renderer.depth(mesh, told.camera, told.camera_from_object) > 0
+        visible = silhouette
+        if photo.mask is not None:
+            visible = np.asarray(_open(folder / photo.mask).convert("L")) > 127
+        return cls(surface, told.camera, silhouette, visible)
+
+
+def _overlap(mask: np.ndarray | None, true: np.ndarray | None) -> float | None:
+    """Intersection over union."""
+    if mask is None or true is None:
+        return None
+    return float((mask & true).sum() / max((mask | true).sum(), 1))
+
+
 def _scores(
-    estimate: ShapeEstimate, category: Category, photo: Photo, truth, *, observation: Observation, renderer
-) -> dict[str, float]:
+    estimate: ShapeEstimate, category: Category, photo: Photo, truth: _Truth, *, renderer: Renderer
+) -> dict[str, float | None]:
     mesh = category.canonical.copy()
     mesh.vertices = estimate.field(np.asarray(mesh.vertices))
-    scores = {}
+    scores: dict[str, float | None] = {}
     if photo.size_m is not None:
         scores["size_error"] = float(np.abs(np.log(mesh.extents / np.array(photo.size_m))).mean())
-    if truth is not None:
-        error = shape_error(
-            outer_surface(truth, CANONICAL_POINTS // 2),
-            estimate.field(outer_surface(category.canonical, CANONICAL_POINTS)),
-        )
-        true_mask = renderer.depth(truth, observation.camera, observation.camera_from_object) > 0
-        mask = renderer.depth(mesh, observation.camera, estimate.camera_from_object) > 0
-        overlap = (mask & true_mask).sum() / max((mask | true_mask).sum(), 1)
-        scores |= {"E": error.E, "rms_mm": error.rms_mm, "silhouette_iou": float(overlap)}
+    if truth.surface is not None:
+        error = truth.surface.error(_canonical_surface(category.name).warped(estimate.field))
+        drawn = renderer.depth(mesh, truth.camera, estimate.camera_from_object) > 0
+        scores |= {
+            "E": error.E,
+            "rms_mm": error.rms_mm,
+            "chamfer_mm": error.chamfer_mm,
+            "silhouette_iou": _overlap(drawn, truth.silhouette),
+        }
     return scores
 
 
-def _mask_iou(estimate: ShapeEstimate, truth, observation: Observation, renderer) -> float | None:
-    if truth is None or estimate.mask is None:
-        return None
-    true_mask = renderer.depth(truth, observation.camera, observation.camera_from_object) > 0
-    return float((estimate.mask & true_mask).sum() / max((estimate.mask | true_mask).sum(), 1))
+@lru_cache(maxsize=8)
+def _canonical_surface(category: str) -> CanonicalSurface:
+    return CanonicalSurface(outer_surface(load_category(category).canonical, CANONICAL_POINTS))
 
 
-def _true_mesh(photo: Photo, folder: Path) -> trimesh.Trimesh | None:
-    if photo.mesh is None:
-        return None
-    mesh = trimesh.load(folder / photo.mesh, force="mesh")
-    if not isinstance(mesh, trimesh.Trimesh):
-        raise SettingsError("holds no triangles", path=folder / photo.mesh)
-    return mesh
+@lru_cache(maxsize=8)
+def _known_mesh(path: Path) -> tuple[trimesh.Trimesh, TrueSurface]:
+    mesh = trimesh.load(path, force="mesh")
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise SettingsError("holds no triangles", path=path)
+    return mesh, TrueSurface(outer_surface(mesh, TRUE_POINTS))
 
 
-def _summary(rows: list[dict]) -> dict:
-    summary: dict[str, object] = {"photos": len(rows)}
-    for other in ("rigid", "similarity"):
-        wins = [_wins(row, other) for row in rows if other in row]
-        summary[f"rgb_beats_{other}"] = float(np.mean(wins)) if wins else None
-    per_category: dict[str, list[dict]] = defaultdict(list)
-    for row in rows:
-        per_category[row["category"]].append(row)
-    for category, group in per_category.items():
-        for method in METHODS:
-            for score in ("E", "silhouette_iou", "size_error"):
-                values = [row[method][score] for row in group if method in row and score in row[method]]
-                if values:
-                    summary[f"{category}_{method}_{score}_mean"] = float(np.mean(values))
-        ious = [row["mask_iou"] for row in group if row.get("mask_iou") is not None]
-        if ious:
-            summary[f"{category}_mask_iou_mean"] = float(np.mean(ious))
-    return summary
-
-
-def _wins(row: dict, other: str) -> bool:
-    score = "E" if "E" in row["rgb"] else "size_error"
-    return row["rgb"][score] < row[other][score]
+def _open(path: Path) -> Image.Image:
+    try:
+        return Image.open(path)
+    except OSError as error:
+        raise ImageError("cannot be read as a picture", path=path, fix=str(error)) from error

@@ -2,16 +2,17 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Float32, Int
 from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import MeshError
+from grasptransfer.errors import MeshError, SettingsError
 from grasptransfer.perception.backgrounds import draw_background
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.perception.rendering import Renderer
@@ -31,14 +32,16 @@ class Instance:
     Args:
         mesh: object frame [m], with its texture.
         true_field: canonical to instance: exact correspondences of our own shapes, CPD for others.
+        exact: whether the field is exact.
     """
 
     category: Category
     name: str
     mesh: trimesh.Trimesh | trimesh.Scene
     true_field: DeformationField
+    exact: bool = False
 
-    @property
+    @cached_property
     def solid(self) -> trimesh.Trimesh:
         """The geometry alone."""
         return self.mesh.to_mesh() if isinstance(self.mesh, trimesh.Scene) else self.mesh
@@ -46,14 +49,29 @@ class Instance:
 
 def instances(categories: list[str], meshes: Path | None) -> Iterator[Instance]:
     """Test instances of the categories, or every mesh below `meshes/<category>/<name>/`."""
-    for name in categories:
-        category = load_category(name)
-        if meshes is None:
-            for test in category.test:
-                yield Instance(category, test, category.instance_scene(test), category.field(test))
-            continue
-        for folder in sorted(path for path in (meshes / name).glob("*") if path.is_dir()):
-            yield _from_folder(category, folder)
+    for category in categories:
+        for name in instance_names(category, meshes):
+            yield load_instance(category, name, meshes)
+
+
+def instance_names(category: str, meshes: Path | None) -> list[str]:
+    """Names of the shipped test instances, or of the folders below `meshes/<category>/`."""
+    if meshes is None:
+        return list(load_category(category).test)
+    return sorted(path.name for path in (meshes / load_category(category).name).glob("*") if path.is_dir())
+
+
+def load_instance(category: str, name: str, meshes: Path | None) -> Instance:
+    """One of `instance_names`, with the field that leads to it."""
+    loaded = _load_category(category)
+    if meshes is None:
+        return Instance(loaded, name, loaded.instance_scene(name), loaded.field(name), exact=True)
+    return _from_folder(loaded, meshes / loaded.name / name)
+
+
+@lru_cache(maxsize=8)
+def _load_category(name: str) -> Category:
+    return load_category(name)
 
 
 def _from_folder(category: Category, folder: Path) -> Instance:
@@ -71,6 +89,29 @@ def _from_folder(category: Category, folder: Path) -> Instance:
     return Instance(category, folder.name, mesh, field)
 
 
+def spread_views(views: int) -> Int[np.ndarray, "views"]:
+    """Indices of viewpoints that stand for all 74: every side and height, the poles as rarely as they are."""
+    if not 1 <= views <= 74:
+        raise SettingsError("must lie between 1 and 74", key="views", value=views)
+    # 29 has no divisor in common with 74, and a stride of 29 turns by 5/12 and climbs by 2.4 rings.
+    return np.sort((np.arange(views) * 29 + 17) % 74)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """An instance as a camera sees it.
+
+    Args:
+        observation: picture, exact depth and mask, and the told pose.
+        pose: the true `camera_from_object`.
+        coverage: (h, w) how opaque the object is, in [0, 1].
+    """
+
+    observation: Observation
+    pose: Float[np.ndarray, "4 4"]
+    coverage: Float32[np.ndarray, "h w"]
+
+
 def observe_instance(
     instance: Instance,
     view: int,
@@ -80,23 +121,37 @@ def observe_instance(
     noise: PoseNoise | None = None,
     seed: int = 0,
 ) -> tuple[Observation, Float[np.ndarray, "4 4"]]:
-    """Picture, depth and mask of an instance from one of the paper's 74 viewpoints, and the true pose.
+    """Picture, depth and mask of an instance from one of the paper's 74 viewpoints, and the true pose."""
+    sight = see_instance(instance, view, views=views, renderer=renderer, noise=noise, seed=seed)
+    return sight.observation, sight.pose
+
+
+def see_instance(
+    instance: Instance,
+    view: int,
+    *,
+    views: int,
+    renderer: Renderer,
+    noise: PoseNoise | None = None,
+    seed: int = 0,
+) -> Sight:
+    """What a camera sees of an instance from one of the paper's 74 viewpoints.
 
     Args:
-        view: index among `views` viewpoints spread evenly over the 74.
+        view: index among the chosen viewpoints.
+        views: how many are chosen, see `spread_views`.
         noise: error of the told pose.
+        seed: of light, background and pose error.
     """
-    mesh = instance.mesh
+    index = int(spread_views(views)[view])
     radius = float(np.linalg.norm(np.asarray(instance.solid.bounds), axis=1).max())
     distance = CAMERA.fy * 2 * radius / (FILL * CAMERA.height)
-    index = round(view * 73 / max(views - 1, 1))
     pose = sphere_views(distance)[index]
     rng = np.random.default_rng([seed, index])
-    picture = renderer.render(mesh, CAMERA, pose, lighting=draw_lighting(rng))
+    picture = renderer.render(instance.mesh, CAMERA, pose, lighting=draw_lighting(rng))
     background = Image.fromarray(draw_background(rng, [])).resize((CAMERA.width, CAMERA.height))
     told = noise.apply(pose, rng) if noise else pose
-    mask = picture.mask
     observation = observe(
-        picture.over(np.asarray(background)), told, camera=CAMERA, mask=mask, depth=picture.depth
+        picture.over(np.asarray(background)), told, camera=CAMERA, mask=picture.mask, depth=picture.depth
     )
-    return observation, pose
+    return Sight(observation, pose, picture.alpha)

@@ -18,9 +18,9 @@ from grasptransfer.category.category import (
     load_category,
     load_scene,
 )
-from grasptransfer.category.files import sha256, write_whole
 from grasptransfer.category.pictures import picture, png, sheet
 from grasptransfer.category.settings import FILE_NAME, CategoryFile, Settings, Split, software_versions
+from grasptransfer.files import sha256, write_whole
 from grasptransfer.registration import ShapeSpace
 from grasptransfer.registration.storage import save_arrays
 
@@ -48,8 +48,8 @@ def write_category(
         weights: of each instance's field, normalised units, by name.
     """
     folder = Path(folder)
-    staging = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    shutil.rmtree(staging, ignore_errors=True)
+    staging, replaced = folder.with_name(f".{folder.name}.part"), folder.with_name(f".{folder.name}.old")
+    _clear_up(folder, staging, replaced)
     try:
         write_whole(staging / CANONICAL, canonical_glb)
         for instance, content in instance_glbs.items():
@@ -69,7 +69,7 @@ def write_category(
             versions=software_versions(),
         ).save(staging)
         _keep_others(folder, staging)
-        _put_in_place(staging, folder)
+        _put_in_place(staging, folder, replaced)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     return load_category(folder)
@@ -87,8 +87,15 @@ def _keep_others(folder: Path, staging: Path) -> None:
             shutil.copyfile(path, staging / relative)
 
 
-def _put_in_place(staging: Path, folder: Path) -> None:
-    replaced = folder.with_name(f".{folder.name}.{os.getpid()}.old")
+def _clear_up(folder: Path, staging: Path, replaced: Path) -> None:
+    """What a killed run left behind; it may have had the older folder in its hands."""
+    if replaced.exists() and not folder.exists():
+        os.replace(replaced, folder)
+    for leftover in (staging, replaced):
+        shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _put_in_place(staging: Path, folder: Path, replaced: Path) -> None:
     if folder.exists():
         os.replace(folder, replaced)
     os.replace(staging, folder)

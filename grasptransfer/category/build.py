@@ -14,7 +14,6 @@ from jaxtyping import Float
 
 from grasptransfer.category.assemble import write_category
 from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
-from grasptransfer.category.files import sha256
 from grasptransfer.category.learning import FEWEST, Distances
 from grasptransfer.category.orientation import best_turn
 from grasptransfer.category.outcome import Candidate, CategoryBuild, Registration
@@ -31,6 +30,7 @@ from grasptransfer.category.tasks import (
 )
 from grasptransfer.category.workshop import Arrays, Progress, Workshop
 from grasptransfer.errors import CategoryError, SettingsError
+from grasptransfer.files import sha256
 from grasptransfer.registration import ShapeSpace
 
 # Of those measured on parametric shapes, near the true points and near the surface in every category.

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.category.files import sha256
 from grasptransfer.category.settings import FILE_NAME, CategoryFile, Settings
 from grasptransfer.errors import CategoryError
+from grasptransfer.files import sha256
 
 if TYPE_CHECKING:
     import trimesh

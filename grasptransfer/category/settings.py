@@ -7,8 +7,8 @@ from typing import Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from grasptransfer.category.files import write_whole
 from grasptransfer.errors import CategoryError
+from grasptransfer.files import write_whole
 
 FILE_NAME = "category.yaml"
 

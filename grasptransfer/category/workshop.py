@@ -19,8 +19,8 @@ from threading import Thread
 
 import numpy as np
 
-from grasptransfer.category.files import write_whole
 from grasptransfer.category.settings import software_versions
+from grasptransfer.files import write_whole
 
 Arrays = dict[str, np.ndarray]
 ONE_THREAD = (

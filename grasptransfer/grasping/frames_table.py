@@ -1,11 +1,11 @@
 """The frames of a gripper, as a table and a picture, for people who must agree on them."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.files import replacing
 from grasptransfer.grasping.gripper import Gripper
 
 AXIS_LENGTH = 0.04  # m, about a finger's length
@@ -56,9 +56,8 @@ def draw_frames(gripper: Gripper, path: str | Path) -> Path:
         _draw(axes, gripper)
         axes.view_init(elevation, azimuth)
         axes.set_title(f"{gripper.name}, {gripper.max_width * 1e3:g} mm open, seen {title}")
-    temporary = path.with_name(f".{path.name}.tmp")
-    figure.savefig(temporary, dpi=110, format=path.suffix[1:] or "png")
-    os.replace(temporary, path)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=110, format=path.suffix[1:] or "png")
     return path
 
 

@@ -19,8 +19,8 @@ from jaxtyping import Float
 
 from grasptransfer.errors import GripperError
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.grasping.urdf_geometry import FingerLink, Joint, read_links
-from grasptransfer.grasping.yaml_models import RigidPose, Strict, check_unit_quaternion, parse, read_yaml
+from grasptransfer.grasping.gripper_file import check_against_urdf, read_gripper_file
+from grasptransfer.grasping.urdf_geometry import FingerLink, read_links
 
 if TYPE_CHECKING:
     import trimesh
@@ -28,28 +28,6 @@ if TYPE_CHECKING:
 GRIPPER_FOLDER = Path(__file__).parent / "grippers"
 APPROACH_CLEARANCE = 0.01  # m each side: room for the usual pose error of a seen object
 TABLE_SAMPLES = 65  # a linkage's opening curve is smooth; interpolation errs by microns
-
-
-class _JointModel(Strict):
-    ratio: float = 1.0
-    offset: float = 0.0
-
-
-class _PadModel(Strict):
-    link: str
-    centre: tuple[float, float, float]
-    size: tuple[float, float]
-
-
-class _GripperModel(Strict):
-    name: str
-    urdf: str
-    base_link: str
-    base_from_tcp: RigidPose
-    joints: dict[str, _JointModel]
-    opening: tuple[float, float]
-    force_limit: float
-    pads: tuple[_PadModel, _PadModel]
 
 
 @dataclass(frozen=True)
@@ -195,13 +173,16 @@ def _packaged(name: str) -> Gripper:
 
 
 def _read(path: Path) -> Gripper:
-    model = parse(_GripperModel, read_yaml(path, error=GripperError), path, error=GripperError)
-    _check(model, path)
+    model = read_gripper_file(path)
     urdf_path = (path.parent / model.urdf).resolve()
     links = read_links(urdf_path, model.base_link)
     by_name = {joint.name: joint for link in links for joint in link.chain if joint.kind != "fixed"}
-    joints = _finger_joints(model, by_name, path)
-    first, second = (_pad(i, model.pads[i], [link.name for link in links], path) for i in range(2))
+    check_against_urdf(model, by_name, [link.name for link in links], path)
+    joints = tuple(
+        FingerJoint(name, joint.ratio, joint.offset, by_name[name].kind)
+        for name, joint in model.joints.items()
+    )
+    first, second = (Pad(pad.link, np.array(pad.centre), pad.size) for pad in model.pads)
     base_from_tcp = model.base_from_tcp.matrix()
     base_from_tcp.setflags(write=False)
     limits = by_name[joints[0].name].limits
@@ -220,57 +201,6 @@ def _read(path: Path) -> Gripper:
         driver_table=drivers,
         opening_table=openings,
     )
-
-
-def _check(model: _GripperModel, path: Path) -> None:
-    check_unit_quaternion(
-        model.base_from_tcp.orientation, path, "base_from_tcp.orientation", error=GripperError
-    )
-    low, high = model.opening
-    if not 0 <= low < high <= 1:
-        raise GripperError(
-            "must be two rising lengths in metres", path=path, key="opening", value=[low, high]
-        )
-    if model.force_limit <= 0:
-        raise GripperError("must be positive", path=path, key="force_limit", value=model.force_limit)
-    if not model.joints:
-        raise GripperError("must name at least one joint", path=path, key="joints")
-    for i, pad in enumerate(model.pads):
-        if min(pad.size) <= 0:
-            raise GripperError("must be positive", path=path, key=f"pads.{i}.size", value=list(pad.size))
-
-
-def _finger_joints(model: _GripperModel, by_name: dict[str, Joint], path: Path) -> tuple[FingerJoint, ...]:
-    for name in model.joints:
-        if name not in by_name:
-            raise GripperError(
-                "is not a moving joint below the base link", path=path, key=f"joints.{name}", choices=by_name
-            )
-    missing = [name for name in by_name if name not in model.joints]
-    if missing:
-        raise GripperError(
-            "moves below the base link and must be listed, with its ratio to the driver",
-            path=path,
-            key=f"joints.{missing[0]}",
-        )
-    if next(iter(model.joints.values())).ratio == 0:
-        raise GripperError("the driver's ratio must not be 0", path=path, key="joints")
-    return tuple(
-        FingerJoint(name, joint.ratio, joint.offset, by_name[name].kind)
-        for name, joint in model.joints.items()
-    )
-
-
-def _pad(index: int, model: _PadModel, links: list[str], path: Path) -> Pad:
-    if model.link not in links:
-        raise GripperError(
-            "is not a link below the base link",
-            path=path,
-            key=f"pads.{index}.link",
-            value=model.link,
-            choices=links,
-        )
-    return Pad(model.link, np.array(model.centre), model.size)
 
 
 def _opening_table(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasptransfer.errors import GripperError
-from grasptransfer.grasping.atomic import replacing
+from grasptransfer.files import replacing
 
 DENSITY = 1500.0  # kg/m3: a housing of aluminium, half hollow
 

@@ -1,7 +1,6 @@
 """Fields and shape spaces on disk: npz with a checksum, written whole, never executed."""
 
 import hashlib
-import os
 import struct
 import tokenize
 import zipfile
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from grasptransfer.errors import FieldFileError
+from grasptransfer.files import replacing
 
 VERSION = 1
 # What zip and numpy raise where bytes are wrong.
@@ -22,22 +22,17 @@ def save_arrays(path: str | Path, kind: str, arrays: dict[str, np.ndarray]):
     """Write named arrays under a temporary name, then rename."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
     # Not ascontiguousarray, which makes a number an array of one.
     arrays = {name: np.asarray(array, order="C") for name, array in arrays.items()}
-    try:
-        with unfinished.open("wb") as file:
-            np.savez_compressed(
-                file,
-                kind=np.array(kind),
-                version=np.array(VERSION),
-                sha256=np.array(_checksum(arrays)),
-                allow_pickle=False,
-                **arrays,
-            )
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(
+            file,
+            kind=np.array(kind),
+            version=np.array(VERSION),
+            sha256=np.array(_checksum(arrays)),
+            allow_pickle=False,
+            **arrays,
+        )
 
 
 def load_arrays(path: str | Path, kind: str) -> dict[str, np.ndarray]:

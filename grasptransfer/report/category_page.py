@@ -7,9 +7,9 @@ import numpy as np
 import trimesh
 
 from grasptransfer.category.category import Category
-from grasptransfer.category.files import write_whole
 from grasptransfer.category.outcome import CategoryBuild, Registration
 from grasptransfer.category.pictures import picture, scatter
+from grasptransfer.files import write_whole
 from grasptransfer.report.html_parts import facts, figure, jpeg_uri, pill, section, table
 
 SIDE = 190  # px of a picture

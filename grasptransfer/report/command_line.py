@@ -56,7 +56,7 @@ def transfer(
         mask: picture that is white on the object.
         execute: true mesh of the instance [m], standing at the told pose; PyBullet executes the grasps on it.
         refine_pose: fit the pose together with the shape.
-        estimator: rgb, cls, cpd, similarity or rigid.
+        estimator: rgb, rgbd, cls, cpd, similarity or rigid.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.
         seed: of everything random.
@@ -92,6 +92,7 @@ def simulate(
     trials: int = 1,
     workers: int = 1,
     results: Path | None = None,
+    movies: Path | None = None,
     seed: int = 0,
 ) -> int:
     """Execute grasps on a mesh in PyBullet.
@@ -104,12 +105,21 @@ def simulate(
         trials: perturbed trials of each grasp; 1 executes it exactly.
         workers: processes.
         results: JSON lines that an interrupted run resumes from.
+        movies: folder for a GIF of each trial.
         seed: of the perturbations.
     """
     from grasptransfer.report.execution_table import run_simulation
 
     table, held = run_simulation(
-        grasps, mesh, gripper, protocol=protocol, trials=trials, workers=workers, results=results, seed=seed
+        grasps,
+        mesh,
+        gripper,
+        protocol=protocol,
+        trials=trials,
+        workers=workers,
+        results=results,
+        seed=seed,
+        movies=movies,
     )
     console.print(table)
     return 0 if held else 1

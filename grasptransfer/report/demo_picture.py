@@ -23,7 +23,7 @@ from trimesh.visual.material import PBRMaterial
 from grasptransfer import shapes
 from grasptransfer.camera import Camera
 from grasptransfer.category import load_category, objects_folder
-from grasptransfer.category.files import write_whole
+from grasptransfer.files import write_whole
 from grasptransfer.frames import rigid
 from grasptransfer.perception.rendering import Lighting, Renderer
 from grasptransfer.perception.views import look_at

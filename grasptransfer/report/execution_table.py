@@ -16,6 +16,8 @@ from grasptransfer.report.transfer_files import load_mesh
 if TYPE_CHECKING:
     from grasptransfer.simulation import TrialResult
 
+FRAMES_PER_SECOND = 20.0
+
 
 def run_simulation(
     grasps: Path,
@@ -27,6 +29,7 @@ def run_simulation(
     workers: int = 1,
     results: Path | None = None,
     seed: int = 0,
+    movies: Path | None = None,
 ) -> tuple[Table, int]:
     """Execute the grasps of a file on a mesh in PyBullet; a table of them, and how many trials held.
 
@@ -39,6 +42,7 @@ def run_simulation(
         workers: processes.
         results: JSON lines to append to, and to resume from.
         seed: of the perturbations.
+        movies: folder for a GIF of each trial; finished trials run again for it.
 
     Raises:
         GraspTransferError: wrong input, named by file, key and value.
@@ -59,7 +63,12 @@ def run_simulation(
         workers=workers,
         results_path=results,
         seed=seed,
+        frames=None if movies is None else FRAMES_PER_SECOND,
     )
+    if movies is not None:
+        from grasptransfer.report.movie import save_movies
+
+        save_movies(outcomes, solid, hand, movies)
     return execution_table(outcomes), sum(outcome.held for outcome in outcomes)
 
 

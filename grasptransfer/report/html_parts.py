@@ -22,8 +22,13 @@ def jpeg_uri(picture: Picture) -> str:
     return _uri("image/jpeg", buffer.getvalue())
 
 
-def gif_uri(frames: Sequence[Picture], *, seconds_per_frame: float, hold_last: float = 1.2) -> str:
-    """Frames as an endless GIF data URI; the last one stays for a while."""
+def gif_uri(frames: Sequence[Picture], *, seconds_per_frame: float) -> str:
+    """Frames as an endless GIF data URI."""
+    return _uri("image/gif", gif_bytes(frames, seconds_per_frame=seconds_per_frame))
+
+
+def gif_bytes(frames: Sequence[Picture], *, seconds_per_frame: float, hold_last: float = 1.2) -> bytes:
+    """Frames as an endless GIF; the last one stays for a while."""
     pictures = [Image.fromarray(frame) for frame in frames]
     # One palette for all frames: otherwise plain grounds flicker.
     some = np.concatenate([frames[i] for i in np.linspace(0, len(frames) - 1, 4).round().astype(int)])
@@ -33,7 +38,7 @@ def gif_uri(frames: Sequence[Picture], *, seconds_per_frame: float, hold_last: f
     durations[-1] += round(1000 * hold_last)
     buffer = io.BytesIO()
     first.save(buffer, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=True)
-    return _uri("image/gif", buffer.getvalue())
+    return buffer.getvalue()
 
 
 def _uri(kind: str, content: bytes) -> str:

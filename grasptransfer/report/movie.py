@@ -1,6 +1,7 @@
 """Moving pictures of a recorded trial: the true mesh and the gripper, from a side that shows both fingers."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,9 +9,11 @@ import trimesh
 from jaxtyping import Float, UInt8
 
 from grasptransfer.camera import Camera
+from grasptransfer.files import replacing
 from grasptransfer.frames import rigid, transform_points
 from grasptransfer.perception.views import look_at
 from grasptransfer.report.grasp_pictures import HAND, OBJECT, OBSTACLE, REFUSED, USABLE
+from grasptransfer.report.html_parts import gif_bytes
 from grasptransfer.report.studio import (
     GROUND,
     LIGHTING,
@@ -77,6 +80,31 @@ def seconds_per_frame(trial: "TrialResult") -> float:
     if recording is None or len(recording.seconds) < 2:
         return 0.1
     return float(recording.seconds[-1]) / (min(len(recording.seconds), MOST_FRAMES) - 1)
+
+
+def save_movies(
+    trials: "Sequence[TrialResult]", mesh: trimesh.Trimesh, gripper: "Gripper", folder: str | Path
+) -> list[Path]:
+    """Write `<grasp>_<trial>.gif` of each recorded trial.
+
+    Args:
+        mesh: what was executed on, object frame [m].
+        folder: is made where it does not exist.
+    """
+    from grasptransfer.perception.rendering import Renderer
+
+    folder, written = Path(folder), []
+    folder.mkdir(parents=True, exist_ok=True)
+    with Renderer() as renderer:
+        for trial in trials:
+            frames = movie(trial, mesh, gripper, Studio(renderer))
+            if not frames:
+                continue
+            path = folder / f"{trial.grasp}_{trial.trial}.gif"
+            with replacing(path) as temporary:
+                temporary.write_bytes(gif_bytes(frames, seconds_per_frame=seconds_per_frame(trial)))
+            written.append(path)
+    return written
 
 
 def _corners(parts, poses, framed_parts: list[bool]) -> Float[np.ndarray, "m 3"]:

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 import grasptransfer
-from grasptransfer.category.files import write_whole
+from grasptransfer.files import write_whole
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.report.grasp_pictures import GraspPictures
 from grasptransfer.report.html_parts import (

@@ -15,8 +15,8 @@ import trimesh
 import yaml
 
 import grasptransfer
-from grasptransfer.category.files import write_whole
 from grasptransfer.errors import SettingsError
+from grasptransfer.files import write_whole
 from grasptransfer.grasping import Grasp
 from grasptransfer.grasping.formats import GraspSet, isaac_grasp
 

@@ -18,14 +18,15 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from grasptransfer.errors import MeshError
-from grasptransfer.grasping.atomic import replacing
+from grasptransfer.files import replacing
+from grasptransfer.simulation.reduced_hull import reduced_hull
 
 if TYPE_CHECKING:
     import manifold3d
     import trimesh
 
 LOG = logging.getLogger(__name__)
-VERSION = 1  # of the cached files: raise it when the parts of the same mesh change
+VERSION = 2  # of the cached files: raise it when the parts of the same mesh change
 LARGEST_OBJECT = 2.0  # m; beyond it a mesh is in millimetres
 SMALLEST_PART = 1e-10  # m3, a cube of half a millimetre: what remains of a cut
 
@@ -46,7 +47,7 @@ class DecompositionSettings:
     concavity: float = 0.04
     simplification: float = 3e-4
     convex_excess: float = 0.01
-    part_vertices: int = 48
+    part_vertices: int = 96
     iterations: int = 30
     depth: int = 2
     nodes: int = 10
@@ -210,7 +211,7 @@ def _convex_parts(
 ) -> list[Float[np.ndarray, "_ 3"]]:
     hull = solid.hull()
     if hull.volume() <= (1 + settings.convex_excess) * solid.volume():
-        return [_fewer(_vertices(hull), settings.part_vertices)]
+        return [reduced_hull(_vertices(hull), settings.part_vertices)]
     simple = solid.simplify(settings.simplification).to_mesh64()
     vertices = np.asarray(simple.vert_properties)[:, :3]
     return _coacd(vertices, np.asarray(simple.tri_verts), settings, watertight=True)
@@ -239,24 +240,14 @@ def _coacd(
     )
     hulls = [manifold3d.Manifold.hull_points(np.asarray(points, float)) for points, _ in pieces]
     return [
-        _fewer(_vertices(hull), settings.part_vertices) for hull in hulls if hull.volume() > SMALLEST_PART
+        reduced_hull(_vertices(hull), settings.part_vertices)
+        for hull in hulls
+        if hull.volume() > SMALLEST_PART
     ]
 
 
 def _vertices(solid: "manifold3d.Manifold") -> Float[np.ndarray, "_ 3"]:
     return np.asarray(solid.to_mesh64().vert_properties)[:, :3].astype(float)
-
-
-def _fewer(vertices: Float[np.ndarray, "_ 3"], most: int) -> Float[np.ndarray, "_ 3"]:
-    """At most `most` of the vertices, farthest first: a hull of them errs least."""
-    if len(vertices) <= most:
-        return vertices
-    chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(0), axis=1)))]
-    distance = np.linalg.norm(vertices - vertices[chosen[0]], axis=1)
-    for _ in range(most - 1):
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(vertices - vertices[chosen[-1]], axis=1))
-    return vertices[np.sort(chosen)]
 
 
 def _moments(solid: "manifold3d.Manifold") -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:

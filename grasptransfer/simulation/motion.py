@@ -23,24 +23,24 @@ def lift_heights(protocol: Protocol) -> Float[np.ndarray, "t"]:
 
 
 def swing(protocol: Protocol) -> Float[np.ndarray, "t"]:
-    """Displacement [m] of one shake along one axis, there and back.
+    """Displacement [m] of one shake along one axis.
 
-    The acceleration is a sine of the protocol's amplitude for one period and its negative for another:
-    it starts and ends at rest in the same place, and pulls both ways twice.
+    The acceleration is one period of a sine of the protocol's amplitude: it starts and ends at rest and
+    pulls both ways once.
     """
-    period, amplitude = protocol.shake_period, protocol.shake_acceleration
-    elapsed = times(2 * period, protocol.time_step)
-    omega = 2 * np.pi / period
-    out = np.minimum(elapsed, period)
-    back = np.maximum(elapsed - period, 0.0)
-    reach = amplitude / omega * (out - np.sin(omega * out) / omega)
-    return reach - amplitude / omega * (back - np.sin(omega * back) / omega)
+    period = protocol.shake_period
+    elapsed, omega = times(period, protocol.time_step), 2 * np.pi / period
+    return protocol.shake_acceleration / omega * (elapsed - np.sin(omega * elapsed) / omega)
 
 
 def turns(protocol: Protocol) -> Float[np.ndarray, "t"]:
-    """Angle about the closing axis [rad] at each step: one way, the other way, and back."""
-    elapsed = times(protocol.turn_time, protocol.time_step) / protocol.turn_time
-    there = smooth(np.clip(4 * elapsed, 0, 1))
-    across = smooth(np.clip(2 * elapsed - 0.5, 0, 1))
-    home = smooth(np.clip(4 * elapsed - 3, 0, 1))
+    """Angle about the closing axis [rad] at each step: one way, the other way, and back.
+
+    The way across is twice as long and takes root two as much time: all three accelerate alike.
+    """
+    share = times(protocol.turn_time, protocol.time_step) / protocol.turn_time
+    single = 1 / (2 + np.sqrt(2))
+    there = smooth(np.clip(share / single, 0, 1))
+    across = smooth(np.clip((share - single) / (1 - 2 * single), 0, 1))
+    home = smooth(np.clip((share - 1 + single) / single, 0, 1))
     return np.radians(protocol.turn_degrees) * (there - 2 * across + home)

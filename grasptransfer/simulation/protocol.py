@@ -46,6 +46,7 @@ class Protocol:
         air_damping: 1/s, of the weightless object before the fingers have closed.
         hold_force: most force that carries the gripper along [N].
         contact_erp: share of an overlap that one step undoes.
+        friction_erp: likewise of the creep of two surfaces that stick to each other.
         drive_mass: least inertia of a finger link, kg: a drive's, seen through its gear, and what lets the
             solver converge where light fingers squeeze a heavier object.
         gear_force, gear_erp: of the constraint that couples the fingers.
@@ -56,7 +57,7 @@ class Protocol:
         grip_force: of each pad [N], the gripper's own limit at most.
         settle_time: still, before the lift and after the last motion [s].
         lift_height, lift_time: [m], [s].
-        shake_acceleration: highest, along the TCP's axes, both ways [m/s2]; 0: no shaking.
+        shake_acceleration: highest, both ways along each axis of the TCP [m/s2]; 0: no shaking.
         shake_period: of one swing [s].
         turn_degrees, turn_time: about the closing axis, both ways and back.
         slip, slip_degrees: most the object may move in the gripper [m], degrees.
@@ -68,15 +69,16 @@ class Protocol:
     name: str
     support: str
     time_step: float = 1 / 240
-    solver_iterations: int = 100
+    solver_iterations: int = 50
     solver_residual: float = 1e-6
     density: float = 500.0
     mass_limits: tuple[float, float] = (0.05, 1.0)
-    friction: float = 0.5
+    friction: float = 0.8
     spinning_friction: float = 0.002
     air_damping: float = 30.0
     hold_force: float = 300.0
     contact_erp: float = 0.8
+    friction_erp: float = 0.8
     drive_mass: float = 0.2
     gear_force: float = 50.0
     gear_erp: float = 1.0
@@ -91,7 +93,7 @@ class Protocol:
     shake_acceleration: float = GRAVITY
     shake_period: float = 0.1
     turn_degrees: float = 30.0
-    turn_time: float = 0.6
+    turn_time: float = 0.8
     slip: float = 0.02
     slip_degrees: float = 30.0
     penetration: float = 0.003

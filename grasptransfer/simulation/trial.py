@@ -70,7 +70,7 @@ def run_trial(world: World, job: Job) -> TrialResult:
         slip_mm=round(trial.slip * 1e3, 4),
         slip_degrees=round(trial.slip_degrees, 4),
         max_penetration_mm=round(trial.penetration * 1e3, 4),
-        width_mm=round(world.opening() * 1e3, 4),
+        width_mm=round(trial.gripper.opening() * 1e3, 4),
         protocol=world.protocol.name,
         gripper=world.hand.name,
         friction=job.friction,
@@ -84,6 +84,7 @@ class _Trial:
 
     def __init__(self, world: World, job: Job):
         self.world, self.job, self.protocol = world, job, world.protocol
+        self.gripper = world.load(job.friction)
         self.phase = "pre-check"
         self.slip = self.slip_degrees = self.penetration = 0.0
         self.steps = 0
@@ -95,11 +96,9 @@ class _Trial:
 
     def run(self):
         """All phases; raises `_Ended` in the one that fails."""
-        world = self.world
-        world.load(self.job.friction)
         self._stand()
         self._check_width()
-        grasp = world.world_from_object() @ self.job.object_from_tcp
+        grasp = self.world.world_from_object() @ self.job.object_from_tcp
         self._check_grasp(grasp)
         self._approach(grasp)
         self._close(grasp)
@@ -120,7 +119,7 @@ class _Trial:
         before = self.world.world_from_object()
         away = np.eye(4)
         away[2, 3] = 10.0
-        self.world.place_gripper(away, self.job.opening)
+        self.gripper.place(away, self.job.opening)
         for _ in range(round(self.protocol.table_settle_time / self.protocol.time_step)):
             self.world.step()
         moved = invert(before) @ self.world.world_from_object()
@@ -137,7 +136,7 @@ class _Trial:
             raise _Ended(TrialStatus.TOO_WIDE, text)
 
     def _check_grasp(self, world_from_tcp: Float[np.ndarray, "4 4"]):
-        self.world.place_gripper(world_from_tcp, self.job.opening)
+        self.gripper.place(world_from_tcp, self.job.opening)
         distance, link, obstacle = self.world.nearest()
         if distance >= -self.protocol.clearance_tolerance:
             return
@@ -157,7 +156,7 @@ class _Trial:
         left = self.job.approach_distance
         while left > 0:
             back[:3, 3] = world_from_tcp[:3, 3] - left * world_from_tcp[:3, 2]
-            self.world.place_gripper(back, self.job.opening)
+            self.gripper.place(back, self.job.opening)
             distance, link, obstacle = self.world.nearest()
             self._record(moment=-left / 0.2)
             if distance < -self.protocol.clearance_tolerance:
@@ -169,29 +168,29 @@ class _Trial:
             # What is farther away than the step cannot be touched within it.
             reach = 0.01 if self._record_every else np.inf
             left -= max(step, min(distance, reach))
-        self.world.place_gripper(world_from_tcp, self.job.opening)
+        self.gripper.place(world_from_tcp, self.job.opening)
 
     def _close(self, world_from_tcp: Float[np.ndarray, "4 4"]):
         self.phase = "close"
-        world, protocol = self.world, self.protocol
+        world, gripper, protocol = self.world, self.gripper, self.protocol
         force = min(protocol.grip_force, world.hand.force_limit)
         if protocol.support == "air":
             world.damp(protocol.air_damping)
-        world.hold_gripper(world_from_tcp)
+        gripper.hold(world_from_tcp)
         self.target = world_from_tcp
-        opening = world.opening()
+        opening = gripper.opening()
         for _ in range(round(protocol.close_time / (self._watch_every * protocol.time_step))):
-            world.drive_fingers(protocol.finger_speed, force, opening)
+            gripper.drive_fingers(protocol.finger_speed, force, opening)
             self._step(self._watch_every)
-            before, opening = opening, world.opening()
+            before, opening = opening, gripper.opening()
             if before - opening < STALLED:
                 break
-        world.drive_fingers(LIMIT_SPEED, force, opening)
+        gripper.drive_fingers(LIMIT_SPEED, force, opening)
         self._step(self._watch_every)
         self._both_pads(TrialStatus.NO_CONTACT)
         world.weigh(True)
         world.damp(0.0)
-        self.tcp_from_object = invert(world.world_from_tcp()) @ world.world_from_object()
+        self.tcp_from_object = invert(gripper.world_from_tcp()) @ world.world_from_object()
 
     def _lift(self, grasp: Float[np.ndarray, "4 4"]):
         self.phase = "lift"
@@ -221,7 +220,7 @@ class _Trial:
         """Carry the TCP along a path, one place for each step."""
         orientations = Rotation.from_matrix(rotations).as_quat().tolist()
         for i, (place, orientation) in enumerate(zip(places.tolist(), orientations, strict=True)):
-            self.world.move_gripper(place, orientation)
+            self.gripper.move(place, orientation)
             self._step(1)
             if (i + 1) % self._watch_every == 0:
                 self._watch()
@@ -243,12 +242,12 @@ class _Trial:
 
     def _watch(self):
         """End the trial when the object slips or the physics goes wrong."""
-        world, protocol = self.world, self.protocol
+        world, gripper, protocol = self.world, self.gripper, self.protocol
         if world.object_speed() > RUNAWAY:
             raise _Ended(TrialStatus.UNSTABLE, f"the object flies off at {world.object_speed():.0f} m/s")
         self._penetrate(world.touching()[1])
         assert self.tcp_from_object is not None
-        now = invert(world.world_from_tcp()) @ world.world_from_object()
+        now = invert(gripper.world_from_tcp()) @ world.world_from_object()
         moved = now @ invert(self.tcp_from_object)
         centre = world.body.centre_of_mass
         before = self.tcp_from_object[:3, :3] @ centre + self.tcp_from_object[:3, 3]
@@ -265,7 +264,9 @@ class _Trial:
 
     def _both_pads(self, otherwise: TrialStatus | None = None):
         links, _ = self.world.touching()
-        missing = [side for side, pad in zip(("-x", "+x"), self.world.pads, strict=True) if pad not in links]
+        missing = [
+            side for side, pad in zip(("-x", "+x"), self.gripper.pads, strict=True) if pad not in links
+        ]
         if missing:
             text = f"the {' and the '.join(missing)} pad touches nothing"
             raise _Ended(otherwise or self._slipped(), text)
@@ -279,8 +280,8 @@ class _Trial:
 
     def _record(self, moment: float):
         if self._record_every:
-            world = self.world
-            self._moments.append((moment, self.phase, world.world_from_object(), world.link_poses()))
+            poses = self.world.world_from_object(), self.gripper.link_poses()
+            self._moments.append((moment, self.phase, *poses))
 
     def recording(self) -> Recording | None:
         """The poses so far, or None where none were asked for."""

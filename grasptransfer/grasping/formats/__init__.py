@@ -44,7 +44,8 @@ def write_grasps(grasp_set: GraspSet, path: str | Path, *, gripper: str | Path |
     """Write grasps in the format told by the suffix.
 
     Raises:
-        GraspFileError: unknown suffix, no grasps, or the folder cannot be written.
+        GraspFileError: unknown suffix, or no grasps.
+        SettingsError: the folder cannot be written.
     """
     path = Path(path)
     if not grasp_set.grasps:

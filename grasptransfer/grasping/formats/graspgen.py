@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from grasptransfer.errors import GraspFileError
+from grasptransfer.files import replacing
 from grasptransfer.frames import invert
-from grasptransfer.grasping.atomic import replacing
 from grasptransfer.grasping.formats.grasp_set import GraspSet, base_from_tcp, numbered, rigid_poses, stacked
 from grasptransfer.grasping.gripper import Gripper
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from grasptransfer.errors import GraspFileError
-from grasptransfer.grasping.atomic import replacing
+from grasptransfer.files import replacing
 from grasptransfer.grasping.formats.grasp_set import GraspSet, numbered, rigid_poses, stacked
 from grasptransfer.grasping.gripper import Gripper
 

@@ -11,8 +11,8 @@ from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field
 
 from grasptransfer.errors import GraspFileError
+from grasptransfer.files import replacing
 from grasptransfer.frames import invert, rigid
-from grasptransfer.grasping.atomic import replacing
 from grasptransfer.grasping.formats.grasp_set import GraspSet, base_from_tcp
 from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp
 from grasptransfer.grasping.gripper import Gripper

@@ -1,0 +1,40 @@
+"""Rows of a benchmark as a table for the terminal."""
+
+from rich.table import Table
+
+
+def rows_table(result: dict) -> Table | None:
+    """E of every method, mean and (spread over the views); None where rows hold no such scores."""
+    rows = result["rows"]
+    if rows and "stage" in rows[0]:
+        return _stages_table(rows)
+    methods = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_score(value)))
+    if not methods:
+        return None
+    table = Table(title=f"{result['benchmark']}: E [1e-6 m²], mean (std over views)")
+    table.add_column("instance")
+    for name in methods:
+        table.add_column(name, justify="right")
+    for row in rows:
+        cells = (_cell(row[name]) if name in row else "" for name in methods)
+        table.add_row(f"{row['category']}/{row['instance']}", *cells)
+    return table
+
+
+def _stages_table(rows: list[dict]) -> Table:
+    """Milliseconds, a stage a line."""
+    table = Table("category", "stage", title="ms")
+    for name in ("median", "95 %", "first picture"):
+        table.add_column(name, justify="right")
+    for row in rows:
+        cells = (f"{row[key]:.1f}" for key in ("median_ms", "p95_ms", "cold_ms"))
+        table.add_row(row["category"], row["stage"], *cells)
+    return table
+
+
+def _is_score(value) -> bool:
+    return isinstance(value, dict) and {"mean", "std"} <= value.keys()
+
+
+def _cell(score: dict) -> str:
+    return f"{score['mean']:.4g} ({score['std']:.3g})"

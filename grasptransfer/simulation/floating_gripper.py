@@ -1,0 +1,164 @@
+"""A gripper that floats in a PyBullet world, carried along by a constraint of finite force.
+
+Bullet places bodies and constraints by their centre-of-mass frames (bullet3 #2411, #2096); here they are
+converted to the TCP. It ignores a URDF's `mimic` (#1140, #2575); here gears couple the joints.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.frames import invert
+from grasptransfer.simulation.client import BASE, Client, position_and_quaternion, transform
+from grasptransfer.simulation.hand import Hand
+from grasptransfer.simulation.protocol import Protocol
+
+
+class FloatingGripper:
+    """One gripper in the world of `client`.
+
+    Args:
+        client: holds the world.
+        hand: what to load; its files are in `folder`.
+        protocol: its numbers of forces and masses.
+        folder: with `hand.urdf`.
+    """
+
+    def __init__(self, client: Client, hand: Hand, protocol: Protocol, folder: Path):
+        self.hand, self.protocol = hand, protocol
+        self._call, self._bullet = client.call, client.bullet
+        flags = (
+            self._bullet.URDF_USE_INERTIA_FROM_FILE
+            | self._bullet.URDF_MAINTAIN_LINK_ORDER
+            | self._bullet.URDF_INITIALIZE_SAT_FEATURES
+        )
+        self.body = self._call("loadURDF", str(folder / "hand.urdf"), useFixedBase=0, flags=flags)
+        self.constraints: list[int] = []
+        self._name_links()
+        inertial = self._call("getDynamicsInfo", self.body, BASE)
+        base_from_mass = transform(inertial[3], inertial[4])
+        self._mass_from_tcp = invert(base_from_mass) @ hand.base_from_tcp
+        self._tcp_from_mass = invert(self._mass_from_tcp)
+        self._set_dynamics()
+        for index, _ in self.joints:  # Bullet brakes every joint by a motor of its own
+            self._call("setJointMotorControl2", self.body, index, self._bullet.VELOCITY_CONTROL, force=0)
+        self._couple()
+
+    def _name_links(self):
+        numbers = {}
+        self.link_names = {BASE: self._call("getBodyInfo", self.body)[0].decode()}
+        for index in range(self._call("getNumJoints", self.body)):
+            info = self._call("getJointInfo", self.body, index)
+            numbers[info[1].decode()] = index
+            self.link_names[index] = info[12].decode()
+        self.joints = [(numbers[name], ratio) for name, ratio in self.hand.joints]
+        links = {name: index for index, name in self.link_names.items()}
+        self.pads = [links[name] for name in self.hand.pad_links]
+
+    def _set_dynamics(self):
+        # Apart from the links' own numbers: given together with damping, Bullet sets the base's.
+        self._call("changeDynamics", self.body, BASE, linearDamping=0, angularDamping=0)
+        moving = self._behind_joints()
+        for index in self.link_names:
+            self._call("changeDynamics", self.body, index, lateralFriction=1.0, spinningFriction=0.0)
+            mass, _, moments = self._call("getDynamicsInfo", self.body, index)[:3]
+            heavier = self.protocol.drive_mass / max(mass, 1e-9)
+            if heavier > 1 and index in moving:
+                scaled = [heavier * moment for moment in moments]
+                numbers = {"mass": self.protocol.drive_mass, "localInertiaDiagonal": scaled}
+                self._call("changeDynamics", self.body, index, **numbers)
+
+    def _behind_joints(self) -> set[int]:
+        """Links that move when the fingers do."""
+        parents = {i: self._call("getJointInfo", self.body, i)[16] for i in self.link_names if i != BASE}
+        moving = {index for index, _ in self.joints}
+        for index in sorted(parents):  # parents come before their children
+            if parents[index] in moving:
+                moving.add(index)
+        return moving
+
+    def _couple(self):
+        """Gears from the driver to every other joint."""
+        (driver, first), *others = self.joints
+        driver_offset, *offsets = self.hand.offsets
+        axis, origin = [1, 0, 0], [0, 0, 0]
+        for (index, ratio), offset in zip(others, offsets, strict=True):
+            relative, kind = ratio / first, self._bullet.JOINT_GEAR
+            bodies = (self.body, driver, self.body, index)
+            gear = self._call("createConstraint", *bodies, kind, axis, origin, origin)
+            self.constraints.append(gear)
+            self._call(
+                "changeConstraint",
+                gear,
+                gearRatio=-1 / relative,
+                relativePositionTarget=(relative * driver_offset - offset) / relative,
+                erp=self.protocol.gear_erp,
+                maxForce=self.protocol.gear_force,
+            )
+
+    def place(self, world_from_tcp: Float[np.ndarray, "4 4"], opening: float):
+        """Put it there at rest, without physics, its pads `opening` apart [m]."""
+        position, orientation = position_and_quaternion(world_from_tcp @ self._tcp_from_mass)
+        self._call("resetBasePositionAndOrientation", self.body, position, orientation)
+        self._call("resetBaseVelocity", self.body, [0, 0, 0], [0, 0, 0])
+        values = self.hand.joint_positions(opening)
+        for (index, _), (name, _) in zip(self.joints, self.hand.joints, strict=True):
+            self._call("resetJointState", self.body, index, values[name], 0.0)
+
+    def hold(self, world_from_tcp: Float[np.ndarray, "4 4"]):
+        """Tie the TCP to the world; `move` carries it along."""
+        position, orientation = position_and_quaternion(self._mass_from_tcp)
+        at, turned = position_and_quaternion(world_from_tcp)
+        ends = (self.body, BASE, -1, -1)
+        frames = (position, at, orientation, turned)
+        self._hold = self._call("createConstraint", *ends, self._bullet.JOINT_FIXED, [0, 0, 0], *frames)
+        self.constraints.append(self._hold)
+        self.move(at, turned)
+
+    def move(self, position: list[float], orientation: list[float]):
+        """Carry the TCP to this place [m] and orientation (x, y, z, w), with finite force."""
+        self._call(
+            "changeConstraint",
+            self._hold,
+            jointChildPivot=position,
+            jointChildFrameOrientation=orientation,
+            maxForce=self.protocol.hold_force,
+        )
+
+    def drive_fingers(self, speed: float, force: float, opening: float):
+        """Move the pads together at `speed` [m/s each], with at most `force` [N each]."""
+        slope = self.hand.driver_slope(opening)
+        squares = sum(ratio**2 for _, ratio in self.joints)
+        for index, ratio in self.joints:
+            # By virtual work: together the joints do what the two pads' forces do.
+            self._call(
+                "setJointMotorControl2",
+                self.body,
+                index,
+                self._bullet.VELOCITY_CONTROL,
+                targetVelocity=-2 * speed * ratio / slope,
+                force=force * abs(slope * ratio) / squares,
+            )
+
+    def world_from_tcp(self) -> Float[np.ndarray, "4 4"]:
+        """Where the TCP is."""
+        return transform(*self._call("getBasePositionAndOrientation", self.body)) @ self._mass_from_tcp
+
+    def opening(self) -> float:
+        """Distance between the pads, by the driver joint [m]."""
+        index, ratio = self.joints[0]
+        driver = (self._call("getJointState", self.body, index)[0] - self.hand.offsets[0]) / ratio
+        drivers, openings = self.hand.drivers, self.hand.openings
+        order = np.argsort(drivers)
+        return float(np.interp(driver, drivers[order], openings[order]))
+
+    def link_poses(self) -> dict[str, Float[np.ndarray, "4 4"]]:
+        """`world_from_link` of every link."""
+        base = self.world_from_tcp() @ invert(self.hand.base_from_tcp)
+        poses = {self.link_names[BASE]: base}
+        for index, name in self.link_names.items():
+            if index != BASE:
+                state = self._call("getLinkState", self.body, index, computeForwardKinematics=1)
+                poses[name] = transform(state[4], state[5])
+        return poses

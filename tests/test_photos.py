@@ -1,0 +1,83 @@
+"""The photo benchmark, on pictures made for it."""
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from grasptransfer.benchmark.photo_summary import summarise_photos
+from grasptransfer.benchmark.photos import PhotoSettings, measure_object, read_photos
+from grasptransfer.benchmark.seen_instances import load_instance, observe_instance
+from grasptransfer.errors import SettingsError
+from grasptransfer.perception.rendering import Renderer
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """One mug, photographed once with its mesh and depth, and once with its size alone."""
+    folder = tmp_path_factory.mktemp("photos")
+    instance = load_instance("mug", "mug_0014", None)
+    instance.solid.export(folder / "mug.glb")
+    with Renderer() as renderer:
+        seen, pose = observe_instance(instance, 40, views=74, renderer=renderer)
+    Image.fromarray(seen.image).save(folder / "mug.png")
+    Image.fromarray(np.round(seen.depth * 1000).astype(np.uint16)).save(folder / "depth.png")
+    Image.fromarray(seen.mask.astype(np.uint8) * 255).save(folder / "mask.png")
+    camera = seen.camera
+    entry = {
+        "image": "mug.png",
+        "category": "mug",
+        "camera": {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "width", "height")},
+        "camera_from_object": pose.tolist(),
+        "box": list(seen.box),
+        "size_m": instance.solid.extents.tolist(),
+        "licence": "other keys are passed over",
+    }
+    known = {"object": "known", "mesh": "mug.glb", "depth": "depth.png", "mask": "mask.png"}
+    entries = [entry | known, entry | {"object": "unknown"}]
+    (folder / "photos.yaml").write_text(yaml.safe_dump(entries))
+    return folder
+
+
+def test_a_photograph_with_a_mesh_is_scored_by_its_shape(folder):
+    (row,) = measure_object(PhotoSettings(folder, ("mug",), depth=True), "mug", "known")["rows"]
+    assert row["rgb"]["E"] < row["rigid"]["E"]
+    assert row["cls"]["E"] < row["rigid"]["E"]
+    assert {"rgbd", "cpd", "similarity"} <= row.keys()
+    assert 0.5 < row["rgb"]["silhouette_iou"] <= 1
+    assert row["rgb"]["rms_mm"] == pytest.approx(np.sqrt(row["rgb"]["E"]))  # mm and (1e-3 m)^2
+    assert row["mask_iou"] > 0.5
+
+
+def test_a_photograph_without_a_mesh_is_scored_by_its_size(folder):
+    (row,) = measure_object(PhotoSettings(folder, ("mug",)), "mug", "unknown")["rows"]
+    assert set(row["rgb"]) == {"size_error"}
+    assert "cls" not in row
+
+
+def test_wins_are_counted_by_photograph_and_by_object():
+    def row(name, ours, theirs):
+        return {
+            "object": name,
+            "category": "mug",
+            "rgb": {"E": ours[0], "silhouette_iou": ours[1]},
+            "rigid": {"E": theirs[0], "silhouette_iou": theirs[1]},
+        }
+
+    rows = [
+        row("a", (1.0, 0.9), (4.0, 0.8)),
+        row("a", (3.0, 0.9), (2.0, 0.8)),
+        row("b", (1.0, 0.7), (4.0, 0.8)),
+    ]
+    summary = summarise_photos(rows)
+    assert summary["rgb_beats_rigid"] == pytest.approx(2 / 3)
+    assert summary["objects_lost_to_rigid"] == 1  # b: nearer, but its outline fits worse
+    assert summary["lost_to_rigid"] == "b"
+    assert summary["mug_rgb_E_mean"] == pytest.approx(5 / 3)
+    assert summary["rgb_beats_similarity"] is None
+
+
+def test_a_wrong_entry_is_named(tmp_path):
+    (tmp_path / "photos.yaml").write_text(yaml.safe_dump([{"image": "a.png", "category": "mug"}]))
+    with pytest.raises(SettingsError, match="camera"):
+        read_photos(tmp_path)
