@@ -228,7 +228,7 @@ def _batch_number(step: int, echo: int) -> int:
 
 def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) -> tuple[Dataset, Dataset]:
     training = DatasetConfig(config.categories, config.samples, config.seed)
-    held_out = DatasetConfig(config.categories, config.held_out, config.seed + HELD_OUT_SEED, 200, 60)
+    held_out = DatasetConfig(config.categories, config.held_out, config.seed + HELD_OUT_SEED, 200, 120)
     folders = [
         build_dataset(part, folder / "data", workers=workers, progress=on_render)
         for part in (training, held_out)

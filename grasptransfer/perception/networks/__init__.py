@@ -46,7 +46,7 @@ class Prediction(NamedTuple):
 
 def network_names() -> list[str]:
     """Names `build_network` knows."""
-    return ["compact"]
+    return ["compact", "flownet2"]
 
 
 def build_network(name: str, categories: int = 1) -> nn.Module:
@@ -55,4 +55,8 @@ def build_network(name: str, categories: int = 1) -> nn.Module:
         from grasptransfer.perception.networks.compact import CompactFlowNet
 
         return CompactFlowNet(categories)
+    if name == "flownet2":
+        from grasptransfer.perception.networks.flownet2 import FlowNet2
+
+        return FlowNet2()
     raise SettingsError("unknown network", key="network", value=name, choices=network_names())
