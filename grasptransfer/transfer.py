@@ -190,33 +190,20 @@ class GraspTransfer:
         self, observation: Observation, estimate: ShapeEstimate, *, scene: Scene | None = None
     ) -> TransferResult:
         """Warp, refine, check and rank the grasps on an estimated shape."""
-        timings, last = dict(estimate.timings), time.perf_counter()
-
-        def lap(stage: str):
-            nonlocal last
-            now = time.perf_counter()
-            timings[stage], last = now - last, now
-
-        mesh = reconstruct(self.category, estimate.field)
-        pose = estimate.camera_from_object
-        world = CollisionWorld(mesh, scene, pose)
-        lap("reconstruct")
-        warped = warp_grasps(self.grasps, estimate.field)
-        lap("warp")
-        refined = refine_grasps(warped, world, self.gripper)
-        lap("refine")
-        checks = check_grasps(refined, world, self.gripper, latent=estimate.latent)
-        lap("check")
+        reached = self.reach(estimate, scene=scene)
+        start = time.perf_counter()
         scores = rank_grasps(
-            refined,
-            checks,
+            reached.grasps,
+            reached.checks,
             self.gripper,
             category=self.category,
             estimate=estimate,
-            mesh=mesh,
+            mesh=reached.mesh,
             seed=self.seed,
         )
-        lap("rank")
+        checks = doubt_unlikely(reached.checks, scores)
+        timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
+        pose = estimate.camera_from_object
         grasps = [
             TransferredGrasp(
                 name=grasp.name,
@@ -233,12 +220,12 @@ class GraspTransfer:
                 confidence=grasp.confidence,
                 contacts=grasp.contacts,
             )
-            for grasp, check, score in zip(refined, checks, scores, strict=True)
+            for grasp, check, score in zip(reached.grasps, checks, scores, strict=True)
         ]
         grasps.sort(key=lambda grasp: (not grasp.usable, -grasp.score))
         return TransferResult(
             grasps=tuple(grasps),
-            mesh=mesh,
+            mesh=reached.mesh,
             field=estimate.field,
             camera_from_object=pose,
             latent=estimate.latent,
@@ -252,6 +239,43 @@ class GraspTransfer:
             observation=observation,
             scene=scene,
         )
+
+    def reach(self, estimate: ShapeEstimate, *, scene: Scene | None = None) -> Reached:
+        """Warp, refine and check the grasps on an estimated shape: all but their ranking."""
+        timings, last = {}, time.perf_counter()
+
+        def lap(stage: str):
+            nonlocal last
+            now = time.perf_counter()
+            timings[stage], last = now - last, now
+
+        mesh = reconstruct(self.category, estimate.field)
+        world = CollisionWorld(mesh, scene, estimate.camera_from_object)
+        lap("reconstruct")
+        warped = warp_grasps(self.grasps, estimate.field)
+        lap("warp")
+        refined = refine_grasps(warped, world, self.gripper)
+        lap("refine")
+        checks = check_grasps(refined, world, self.gripper, latent=estimate.latent)
+        lap("check")
+        return Reached(mesh, tuple(refined), tuple(checks), timings)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Transferred grasps before their ranking.
+
+    Args:
+        mesh: the reconstruction, object frame [m].
+        grasps: refined, object frame.
+        checks: of each.
+        timings: seconds per stage.
+    """
+
+    mesh: trimesh.Trimesh
+    grasps: tuple[WarpedGrasp, ...]
+    checks: tuple[GraspCheck, ...]
+    timings: dict[str, float]
 
 
 def transfer_grasps(

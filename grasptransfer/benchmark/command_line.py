@@ -267,6 +267,44 @@ def photos(
     )
 
 
+def calibration(
+    *,
+    json: Path,
+    categories: tuple[str, ...] = (),
+    objects: int = 12,
+    views: int = 3,
+    translation: float = 0.0,
+    rotation: float = 0.0,
+    workers: int = 2,
+    seed: int = 0,
+) -> int:
+    """Whether a grasp's score is its chance to hold; prints the ranking's weights that make it so.
+
+    Args:
+        json: file for the results.
+        categories: names; none given: all that have weights.
+        objects: random shapes of each category.
+        views: of each object.
+        translation: half-width of the told pose's uniform error on each axis [m].
+        rotation: largest turn of the told pose about a random axis [degrees].
+        workers: processes.
+        seed: of lights, backgrounds, pose errors and trials.
+    """
+    import math
+
+    from grasptransfer.benchmark.calibration import CalibrationSettings, run_calibration
+
+    settings = CalibrationSettings(
+        _trained(categories),
+        objects,
+        views,
+        translation_noise=translation,
+        rotation_noise=math.radians(rotation),
+        seed=seed,
+    )
+    return _bench(lambda tick: run_calibration(settings, workers=workers, progress=tick), json)
+
+
 def refusal(
     *,
     json: Path,
@@ -331,4 +369,5 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "grasp": grasp,
     "photos": photos,
     "refusal": refusal,
+    "calibration": calibration,
 }

@@ -40,6 +40,7 @@ class CheckStatus(enum.Enum):
     TOO_WIDE = "too wide"
     NO_CONTACT = "no contact"
     OUT_OF_SHAPE_SPACE = "out of the shape space"
+    UNLIKELY_TO_HOLD = "unlikely to hold"
 
     @property
     def usable(self) -> bool:
@@ -58,6 +59,7 @@ _ADVICE = {
     CheckStatus.BLOCKED_APPROACH: "Come in along another direction, or shorten approach_distance.",
     CheckStatus.TOO_WIDE: "Use a gripper that opens wider, or grasp the object elsewhere.",
     CheckStatus.NO_CONTACT: "Refine the grasp: as it stands a pad closes beside the object.",
+    CheckStatus.UNLIKELY_TO_HOLD: "Prefer another grasp: this one would slip on many plausible shapes.",
     CheckStatus.OUT_OF_SHAPE_SPACE: "Do not trust this grasp: the object differs too much from its category.",
 }
 

@@ -8,14 +8,14 @@ into a chance of holding, and the score is the mean over the draws.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.grasping.collision import GraspCheck
+from grasptransfer.grasping.collision import CheckStatus, GraspCheck
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.surface import Surface
 from grasptransfer.grasping.warping import WarpedGrasp
@@ -29,7 +29,10 @@ if TYPE_CHECKING:
 SURFACE_POINTS = 3000  # about 4 mm apart on a mug: some ten under each pad
 NEAR = 0.012  # m around the gripper: points farther away stay out of its reach in every draw
 MASS_LIMITS = (0.05, 1.0)  # kg, as the simulation protocols clamp it
+FEATURES = 4
 PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
+
+Features = Float[np.ndarray, "s 4"]
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,12 @@ class Ranking:
         draws: shapes and poses per call.
         pose_shift, pose_turn: standard deviation of the pose along each axis [m, rad].
         density: of the object [kg/m3], the simulation protocols' guess.
-        bias, clearance, flatness, coverage, moment: logistic model; clearance per mm (between -3 and 3),
-            flatness per unit cosine, coverage per share of a pad's points, moment per kg cm: mass times
-            how far its centre lies beside the closing line. Two flat pads at 30 N turn at about 2 kg cm.
+        bias, clearance, flatness, coverage, moment: logistic model, fitted to simulated grasps by
+            `grasptransfer bench calibration`; of the features below.
+        least_chance: a grasp that the gripper reaches is unusable below this score.
+
+    The features of a draw: clearance in mm (between -3 and 3), flatness as a cosine, coverage as a share
+    of a pad's points, moment in kg cm: mass times how far its centre lies beside the closing line.
     """
 
     draws: int = 16
@@ -54,6 +60,12 @@ class Ranking:
     coverage: float = 1.5
     moment: float = -2.2
     density: float = 500.0
+    least_chance: float = 0.4
+
+    @property
+    def weights(self) -> Float[np.ndarray, "5"]:
+        """Bias, then the weight of each feature."""
+        return np.array([self.bias, self.clearance, self.flatness, self.coverage, self.moment])
 
 
 def rank_grasps(
@@ -77,17 +89,59 @@ def rank_grasps(
         seed: of the draws; they are the same for all grasps.
     """
     settings = Ranking() if settings is None else settings
-    usable = [i for i, check in enumerate(checks) if check.usable]
-    scores = np.zeros(len(grasps))
-    if not usable:
-        return tuple(scores.tolist())
-    rng = np.random.default_rng(seed)
-    cloud = _Cloud.draw(mesh, category, estimate, settings, rng)
-    fits = 1.0 if estimate is None else float(np.clip(estimate.category_score, 0, 1))
-    for i in usable:
-        chance = _chances(grasps[i], checks[i].opening, gripper, cloud, settings)
-        scores[i] = fits * float(chance.mean())
-    return tuple(scores.tolist())
+    features = grasp_features(
+        grasps, checks, gripper, mesh=mesh, category=category, estimate=estimate, seed=seed, settings=settings
+    )
+    return tuple(
+        expected_success(each, settings.weights) if check.usable else 0.0
+        for each, check in zip(features, checks, strict=True)
+    )
+
+
+def grasp_features(
+    grasps: Sequence[WarpedGrasp],
+    checks: Sequence[GraspCheck],
+    gripper: Gripper,
+    *,
+    mesh: "trimesh.Trimesh",
+    category: "Category | None" = None,
+    estimate: "ShapeEstimate | None" = None,
+    seed: int = 0,
+    settings: Ranking,
+) -> list[Features]:
+    """What the ranking looks at, for each usable grasp and draw; NaN where a pad meets nothing.
+
+    Unusable grasps get no rows. Arguments as of `rank_grasps`.
+    """
+    if not any(check.usable for check in checks):
+        return [np.zeros((0, FEATURES)) for _ in grasps]
+    cloud = _Cloud.draw(mesh, category, estimate, settings, np.random.default_rng(seed))
+    return [
+        _features(grasp, check.opening, gripper, cloud) if check.usable else np.zeros((0, FEATURES))
+        for grasp, check in zip(grasps, checks, strict=True)
+    ]
+
+
+def expected_success(features: Features, weights: Float[np.ndarray, "5"]) -> float:
+    """Mean chance of holding over the draws; a draw in which a pad meets nothing has none."""
+    chance = 1 / (1 + np.exp(-(weights[0] + features @ weights[1:])))
+    return float(np.nan_to_num(chance, nan=0.0).mean())
+
+
+def doubt_unlikely(
+    checks: Sequence[GraspCheck], scores: Sequence[float], *, least_chance: float = Ranking.least_chance
+) -> list[GraspCheck]:
+    """The checks, with grasps that are reached but unlikely to hold made unusable, and the reason why."""
+    return [
+        replace(check, status=CheckStatus.UNLIKELY_TO_HOLD, reason=_doubt(score))
+        if check.usable and score < least_chance
+        else check
+        for check, score in zip(checks, scores, strict=True)
+    ]
+
+
+def _doubt(score: float) -> str:
+    return f"expected success {score:.0%} over the shapes and poses that the picture leaves possible"
 
 
 @dataclass(frozen=True)
@@ -143,10 +197,8 @@ class _Cloud:
         return _Cloud(points, mesh.face_normals[faces], shifts, motions, centre, mass)
 
 
-def _chances(
-    grasp: WarpedGrasp, opening: float, gripper: Gripper, cloud: _Cloud, settings: Ranking
-) -> Float[np.ndarray, "s"]:
-    """Chance of holding in each draw."""
+def _features(grasp: WarpedGrasp, opening: float, gripper: Gripper, cloud: _Cloud) -> Features:
+    """Clearance, flatness, coverage and moment in each draw; NaN where a pad meets nothing."""
     gripper_from_object = invert(grasp.object_from_gripper)
     boxes = _boxes(gripper, opening)
     local = transform_points(gripper_from_object, cloud.points)
@@ -168,16 +220,13 @@ def _chances(
     cosines = np.stack([-closing, closing], axis=1)
     # Each pad's points face it: towards -x those of the -x pad, towards +x those of the other.
     flat = np.where(touched, cosines, 0).sum(axis=2) / np.maximum(count, 1)
-    moment = cloud.mass * _lever(grasp, cloud)
-    evidence = (
-        settings.bias
-        + settings.clearance * np.clip(clearance * 1e3, -3, 3)
-        + settings.flatness * flat.min(axis=1)
-        + settings.coverage * np.minimum(count.min(axis=1) / 4, 1)
-        + settings.moment * moment * 100
-    )
-    chance = 1 / (1 + np.exp(-evidence))
-    return np.where(count.min(axis=1) > 0, chance, 0.0)
+    columns = [
+        np.clip(clearance * 1e3, -3, 3),
+        flat.min(axis=1),
+        np.minimum(count.min(axis=1) / 4, 1),
+        np.full(draws, cloud.mass * _lever(grasp, cloud) * 100),
+    ]
+    return np.where(count.min(axis=1)[:, None] > 0, np.stack(columns, axis=1), np.nan)
 
 
 def _lever(grasp: WarpedGrasp, cloud: _Cloud) -> float:

@@ -1,0 +1,178 @@
+"""`bench calibration`: whether a grasp's score is its chance to hold, and the weights that make it so.
+
+Grasps that rgb transfers to random parametric shapes (neither train nor test instances) are executed in
+PyBullet; the ranking's logistic model is fitted to what held. Half of the shapes fit, the other half judge.
+"""
+
+import itertools
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer import shapes
+from grasptransfer.benchmark.document import document
+from grasptransfer.benchmark.seen_instances import Instance, observe_instance
+from grasptransfer.category import load_category
+from grasptransfer.frames import invert
+from grasptransfer.grasping import load_gripper
+from grasptransfer.grasping.ranking import Ranking, expected_success, grasp_features
+from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.scenes import PoseNoise
+from grasptransfer.registration import DeformationField
+from grasptransfer.simulation import simulate
+from grasptransfer.transfer import GraspTransfer
+
+MOST_GRASPS = 8  # executed of one picture
+FIRST_SEED = 78_000_000  # of the shapes: far from those of train and test instances
+BINS = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)
+RIDGE = 0.02  # holds weights that few grasps speak of near the given ones
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """What is measured.
+
+    Args:
+        categories: names.
+        objects: random shapes of each category.
+        views: of each object, spread over the paper's 74.
+        gripper, protocol: of the execution.
+        translation_noise, rotation_noise: of the told pose [m, rad].
+        seed: of lights, backgrounds, pose errors and trials.
+    """
+
+    categories: tuple[str, ...]
+    objects: int = 12
+    views: int = 3
+    gripper: str = "panda"
+    protocol: str = "lift-shake-v1"
+    translation_noise: float = 0.0
+    rotation_noise: float = 0.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Executed:
+    """Features of one executed grasp in each draw, and whether it held."""
+
+    features: Float[np.ndarray, "s 4"]
+    held: bool
+
+
+def run_calibration(
+    settings: CalibrationSettings, *, workers: int = 1, progress: Callable[[int, int], None] | None = None
+) -> dict:
+    """Fitted weights, and the reliability of the present and of the fitted score."""
+    tasks = [(name, number) for name in settings.categories for number in range(settings.objects)]
+    executed: dict[tuple[str, int], list[Executed]] = {}
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(_execute_on, settings, *task): task for task in tasks}
+        for done, future in enumerate(as_completed(waiting), 1):
+            executed[waiting[future]] = future.result()
+            if progress:
+                progress(done, len(tasks))
+    even = [grasp for task in tasks if task[1] % 2 == 0 for grasp in executed[task]]
+    odd = [grasp for task in tasks if task[1] % 2 == 1 for grasp in executed[task]]
+    present, fitted = Ranking().weights, fit_weights([*even, *odd])
+    crossed = [(fit_weights(odd), even), (fit_weights(even), odd)]
+    scores = [(expected_success(g.features, w), g.held) for w, group in crossed for g in group]
+    rows = reliability([(expected_success(g.features, present), g.held) for g in [*even, *odd]], "present")
+    rows += reliability(scores, "fitted")
+    summary = {"grasps": len(scores), "held": float(np.mean([held for _, held in scores]))}
+    for name in ("present", "fitted"):
+        summary[f"calibration_error_{name}"] = calibration_error(rows, name)
+    names = ("bias", "clearance", "flatness", "coverage", "moment")
+    summary |= {name: float(value) for name, value in zip(names, fitted, strict=True)}
+    return document("calibration", settings=asdict(settings), rows=rows, summary=summary)
+
+
+def fit_weights(executed: list[Executed]) -> Float[np.ndarray, "5"]:
+    """Bias and weights of the ranking that make what was executed most likely."""
+    from scipy.optimize import minimize
+
+    start = Ranking().weights
+    held = np.array([grasp.held for grasp in executed])
+
+    def loss(weights):
+        chance = np.array([expected_success(grasp.features, weights) for grasp in executed])
+        chance = np.clip(chance, 1e-3, 1 - 1e-3)
+        likelihood = np.where(held, np.log(chance), np.log(1 - chance)).mean()
+        return -likelihood + RIDGE * np.square((weights - start) / np.abs(start)).mean()
+
+    return minimize(loss, start, method="Nelder-Mead", options={"maxiter": 2000, "xatol": 1e-3}).x
+
+
+def reliability(scores: list[tuple[float, bool]], name: str) -> list[dict]:
+    """What share held among the grasps of each range of scores."""
+    values, held = np.array([score for score, _ in scores]), np.array([held for _, held in scores])
+    rows = []
+    for low, high in itertools.pairwise(BINS):
+        chosen = (values >= low) & (values < high if high < 1 else values <= high)
+        if chosen.any():
+            means = {"score": float(values[chosen].mean()), "held": float(held[chosen].mean())}
+            rows.append({"weights": name, "from": low, "to": high, "grasps": int(chosen.sum()), **means})
+    return rows
+
+
+def calibration_error(rows: list[dict], name: str) -> float:
+    """Mean distance between score and share held, over all grasps."""
+    chosen = [row for row in rows if row["weights"] == name]
+    grasps = sum(row["grasps"] for row in chosen)
+    return sum(row["grasps"] * abs(row["score"] - row["held"]) for row in chosen) / max(grasps, 1)
+
+
+def _execute_on(settings: CalibrationSettings, name: str, number: int) -> list[Executed]:
+    category, gripper = load_category(name), load_gripper(settings.gripper)
+    shape = shapes.sample(name, FIRST_SEED + number)
+    still = DeformationField.identity(category.shape_space.control_points)
+    instance = Instance(category, f"random {number}", shape.scene(), still)
+    noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
+    executed: list[Executed] = []
+    with Renderer() as renderer:
+        estimator = RgbEstimator(category, renderer=renderer, refine_pose=settings.translation_noise > 0)
+        flow = GraspTransfer(category, gripper=gripper, estimator=estimator)
+        for view in range(settings.views):
+            observation, pose = observe_instance(
+                instance,
+                view + settings.views * number,
+                views=settings.views * settings.objects,
+                renderer=renderer,
+                noise=noise,
+                seed=settings.seed + number,
+            )
+            executed += _execute(flow, replace(observation, depth=None, mask=None), pose, instance, settings)
+    return executed
+
+
+def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list[Executed]:
+    estimate = flow.estimator(observation)
+    reached = flow.reach(estimate)
+    features = grasp_features(
+        reached.grasps,
+        reached.checks,
+        flow.gripper,
+        mesh=reached.mesh,
+        category=flow.category,
+        estimate=estimate,
+        settings=Ranking(),
+    )
+    usable = np.array([i for i, check in enumerate(reached.checks) if check.usable], int)
+    rng = np.random.default_rng(settings.seed)
+    usable = rng.permutation(usable)[:MOST_GRASPS]  # symmetry families have many members alike
+    true_from_estimated = invert(pose) @ estimate.camera_from_object
+    placed = [
+        replace(
+            reached.grasps[i],
+            object_from_gripper=true_from_estimated @ reached.grasps[i].object_from_gripper,
+        )
+        for i in usable
+    ]
+    trials = simulate(placed, instance.solid, flow.gripper, protocol=settings.protocol, seed=settings.seed)
+    return [
+        Executed(features[i], trial.status.name == "HELD") for i, trial in zip(usable, trials, strict=True)
+    ]
