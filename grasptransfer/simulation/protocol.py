@@ -86,7 +86,7 @@ class Protocol:
     clearance_tolerance: float = 2e-4
     finger_speed: float = 0.06
     close_time: float = 1.0
-    grip_force: float = 30.0
+    grip_force: float = 40.0
     settle_time: float = 0.05
     lift_height: float = 0.10
     lift_time: float = 0.3
