@@ -85,8 +85,9 @@ def _from_folder(category: Category, folder: Path) -> Instance:
 
     space, settings = category.shape_space, category.settings
     # The kernel of exact correspondences is too narrow for CPD: points would slide along the surface.
-    beta = category.file.measured.get("cpd_beta", settings.beta)
-    lam = category.file.measured.get("cpd_lambda", settings.lam)
+    beta, lam = (category.file.measured.get(key) for key in ("cpd_beta", "cpd_lambda"))
+    beta = beta if isinstance(beta, int | float) else settings.beta
+    lam = lam if isinstance(lam, int | float) else settings.lam
     field = cpd(space.control_points, outer_surface(mesh, 2000), beta=beta, lam=lam).field
     return Instance(category, folder.name, mesh, field)
 
