@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 from jaxtyping import Float
 
 from grasptransfer.errors import CameraError
+from grasptransfer.files import read_yaml
 
 
 @dataclass(frozen=True)
@@ -75,15 +75,8 @@ class Camera:
     def load(path: str | Path) -> "Camera":
         """Read a YAML or JSON camera file: `fx fy cx cy width height`, or BOP's `cam_K width height`."""
         path = Path(path)
-        try:
-            data = yaml.safe_load(path.read_text())
-        except OSError as error:
-            raise CameraError("cannot read the camera file", path=path, fix=str(error)) from error
-        except yaml.YAMLError as error:
-            raise CameraError(f"is not valid YAML: {error}", path=path) from error
+        data = read_yaml(path, error=CameraError)
         names = [field.name for field in dataclasses.fields(Camera)]
-        if not isinstance(data, dict):
-            raise CameraError("must hold a mapping", path=path, choices=names)
         try:
             if "cam_K" in data:
                 for name in ("width", "height"):
@@ -103,7 +96,7 @@ class Camera:
         except CameraError as error:
             if error.path is not None:
                 raise
-            raise CameraError(error.problem, path=path, key=error.key, value=error.value) from error
+            raise error.at(path) from error
 
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:

@@ -34,6 +34,7 @@ class GraspTransferError(ValueError):
     ):
         self.problem, self.path, self.key, self.fix = problem, path, key, fix
         self.value = None if value is _MISSING else value
+        self._has_value = value is not _MISSING
         self.choices = None if choices is None else [str(choice) for choice in choices]
         where = ": ".join(str(part) for part in (path, key) if part is not None)
         text = f"{where}: {problem}" if where else problem
@@ -44,6 +45,13 @@ class GraspTransferError(ValueError):
         if fix:
             text += f". {fix}"
         super().__init__(text)
+
+    def at(self, path: str | Path, *, kind: "type[GraspTransferError] | None" = None) -> "GraspTransferError":
+        """The same mistake, found in this file; `kind`: as another error of the family."""
+        value = self.value if self._has_value else _MISSING
+        return (kind or type(self))(
+            self.problem, path=path, key=self.key, value=value, choices=self.choices, fix=self.fix
+        )
 
 
 def _short(value: object) -> str:

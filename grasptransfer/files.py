@@ -1,4 +1,4 @@
-"""Whole files: checksums, and writing that leaves either the old file or the new one, never half of it."""
+"""Files: checksums, YAML with its mistakes named, writing that leaves the old file or the new one, whole."""
 
 import contextlib
 import hashlib
@@ -7,7 +7,9 @@ import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
-from grasptransfer.errors import SettingsError
+import yaml
+
+from grasptransfer.errors import GraspTransferError, SettingsError
 
 
 def sha256(path: Path) -> str:
@@ -48,6 +50,48 @@ def replacing(path: str | Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader that refuses a key given twice, where YAML would silently keep the last."""
+
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, str) and key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key!r} is given twice", key_node.start_mark
+                )
+            seen.add(str(key))
+        return super().construct_mapping(node, deep)
+
+
+def read_yaml(path: str | Path, *, error: type[GraspTransferError]) -> dict:
+    """Mapping of a YAML file.
+
+    Raises:
+        error: unreadable, not YAML (with the line), or not a mapping.
+    """
+    path = Path(path)
+    try:
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except FileNotFoundError as cause:
+        raise error("does not exist", path=path) from cause
+    except UnicodeDecodeError as cause:
+        raise error("is not a text file", path=path) from cause
+    except OSError as cause:
+        raise error("cannot be read", path=path, fix=str(cause)) from cause
+    except yaml.YAMLError as cause:
+        mark = getattr(cause, "problem_mark", None)
+        line = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        what = getattr(cause, "problem", None) or "cannot be parsed"
+        raise error(f"is not valid YAML{line}: {what}", path=path) from cause
+    if isinstance(data, list):
+        raise error("holds a list where a mapping is wanted", path=path, value=data, fix="Give one entry")
+    if not isinstance(data, dict):
+        raise error("must hold a mapping of keys to values", path=path, value=data)
+    return data
 
 
 def _unwritable(path: Path, error: OSError) -> SettingsError:

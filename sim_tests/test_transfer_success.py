@@ -13,13 +13,6 @@ def mug():
     return gt.load_category("mug")
 
 
-def test_annotated_grasps_hold_the_canonical_mug(mug):
-    from grasptransfer.grasping import load_grasps
-
-    trials = gt.simulate(load_grasps(mug.grasps_path, category=mug), mug.canonical, "panda")
-    assert sum(trial.held for trial in trials) >= len(trials) - 1
-
-
 def test_a_grasp_far_beside_the_object_finds_nothing(mug):
     import numpy as np
 

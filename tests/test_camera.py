@@ -55,6 +55,13 @@ def test_a_wrong_camera_file_names_file_and_key(tmp_path, text, word):
     assert "camera.yaml" in str(raised.value)
 
 
+def test_a_picture_given_as_camera_file_is_refused(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n")
+    with pytest.raises(CameraError, match="text file"):
+        Camera.load(path)
+
+
 def test_a_bop_camera_is_read(tmp_path):
     path = tmp_path / "camera.json"
     path.write_text('{"cam_K": [572.4, 0, 325.3, 0, 573.6, 242.0, 0, 0, 1], "width": 640, "height": 480}')

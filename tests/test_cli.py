@@ -1,10 +1,15 @@
 """The command line: every help runs, wrong input ends with code 2 and one clear line."""
 
+import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+import yaml
+from PIL import Image
 
+from grasptransfer.category import load_category
 from grasptransfer.cli import COMMANDS, GROUPS, main
 
 EVERY_COMMAND = [[name] for name in COMMANDS] + [[group, name] for group in GROUPS for name in GROUPS[group]]
@@ -32,6 +37,15 @@ def test_every_command_explains_itself(command, capsys):
         (["bench", "registration", "--json", "x.json", "--categories", "mug", "--views", "99"], "74"),
         (["convert", "no_such.yaml", "out.npy"], "no_such.yaml"),
         (["train", "teapot"], "mug"),
+        (["annotate", "teapot"], "mug"),
+        (["annotate", "mug", "--gripper", "claw"], "panda"),
+        (["simulate", "--grasps", "none.yaml", "--mesh", "none.obj"], "none.obj"),
+        (["category", "build", "x", "--meshes", "none"], "none"),
+        (["category", "check", "teapot"], "mug"),
+        (["convert", "a.yaml", "out.txt"], ".npy"),
+        (["frames", "panda", "--picture", "x.foo"], "png"),
+        (["frames", "panda", "--picture", "no_folder/x.png"], "no_folder"),
+        (["bench", "grasp", "--json", "x.json", "--protocol", "throw"], "lift-shake-v1"),
     ],
 )
 def test_wrong_input_ends_with_code_2_and_names_the_choices(arguments, word, capsys, tmp_path, monkeypatch):
@@ -41,6 +55,81 @@ def test_wrong_input_ends_with_code_2_and_names_the_choices(arguments, word, cap
     assert word in err
     assert "Traceback" not in out + err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Right and wrong files for `transfer`."""
+    folder = tmp_path_factory.mktemp("files")
+    demo = load_category("mug").folder / "demo"
+    pose = np.array(yaml.safe_load((demo / "pose.yaml").read_text())["camera_from_object"])
+    turned, placed, unknown = pose.copy(), pose.copy(), pose.copy()
+    turned[:3, :3] *= 1.2
+    placed[:3, 3] *= 1000
+    unknown[0, 3] = np.nan
+    poses = {"pose": pose, "scaled": turned, "millimetres": placed, "nan": unknown}
+    for name, one in poses.items():
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump({"camera_from_object": one.tolist()}))
+    shutil.copy(demo / "camera.yaml", folder)
+    shutil.copy(demo / "picture.png", folder)
+    picture = Image.open(demo / "picture.png")
+    picture.resize((320, 240)).save(folder / "half.png")
+    Image.new("L", picture.size).save(folder / "empty_mask.png")
+    Image.new("L", (100, 100), 255).save(folder / "small_mask.png")
+    (folder / "text.png").write_text("hello")
+    (folder / "bad.yaml").write_text("a: [1")
+    (folder / "empty.obj").write_text("")
+    (folder / "scene.yaml").write_text("obstacles: {box: {box: [1, 1, 1]}}")
+    return folder
+
+
+WRONG = {  # option of `transfer`: wrong value, what the message must hold
+    "image": [("none.png", "none.png: does not exist"), ("text.png", "text.png: cannot be read"),
+              ("half.png", "320 x 240")],
+    "category": [("teapot", "spray_bottle"), ("bad.yaml", "bad.yaml")],
+    "gripper": [("claw", "robotiq_2f85"), ("none.yaml", "none.yaml"), ("bad.yaml", "line")],
+    "pose": [("none.yaml", "does not exist"), ("bad.yaml", "line 1"), ("nan.yaml", "NaN"),
+             ("scaled.yaml", "scaled or sheared"), ("millimetres.yaml", "Divide")],
+    "camera": [("none.yaml", "does not exist"), ("bad.yaml", "line 1"), ("picture.png", "not a text file")],
+    "mask": [("empty_mask.png", "is empty"), ("small_mask.png", "(480, 640)"), ("none.png", "none.png")],
+    "scene": [("scene.yaml", "camera_from_obstacle"), ("none.yaml", "none.yaml")],
+    "execute": [("none.obj", "none.obj"), ("empty.obj", "empty.obj")],
+    "depth": [("picture.png", "16-bit")],
+    "estimator": [("magic", "similarity"), ("cls", "depth")],
+}  # fmt: skip
+WRONG_VALUES = [(option, value, word) for option, pairs in WRONG.items() for value, word in pairs]
+
+
+@pytest.mark.parametrize(("option", "value", "word"), WRONG_VALUES, ids=" ".join)
+def test_wrong_input_of_a_transfer_is_one_line_that_names_it(
+    option, value, word, files, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(files)
+    options = {"image": "picture.png", "category": "mug", "pose": "pose.yaml", "camera": "camera.yaml"}
+    options |= {"out": str(tmp_path / "out"), "estimator": "rigid"} | {option: value}
+    image = options.pop("image")
+    flags = [text for name, given in options.items() for text in (f"--{name}", given)]
+    code, _, err = _run(["transfer", image, *flags], capsys)
+    assert code == 2
+    message = [line for line in err.splitlines() if line.startswith("error:")]
+    assert len(message) == 1
+    assert word in message[0]
+    assert err.rstrip().endswith(message[0])  # nothing after it: one paragraph, no traceback
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_grasps_of_another_canonical_model_are_refused(files, capsys, tmp_path, monkeypatch):
+    category = load_category("mug")
+    shutil.copytree(category.folder, tmp_path / "mug", ignore=shutil.ignore_patterns("demo"))
+    path = tmp_path / "mug" / "grasps.yaml"
+    path.write_text(path.read_text().replace(category.canonical_sha256, "0" * 64))
+    monkeypatch.chdir(files)
+    given = ["--category", str(tmp_path / "mug"), "--pose", "pose.yaml", "--out", str(tmp_path / "out")]
+    code, _, err = _run(["transfer", "picture.png", *given], capsys)
+    assert code == 2
+    assert str(path) in err
+    assert "canonical" in err
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_installed_command_runs():

@@ -90,10 +90,10 @@ def draw_deformation_maps(
     """
     maps = []
     with Renderer() as renderer:
-        for category in categories:
+        for row, category in enumerate(categories):  # each before another background
             instance = load_instance(category, instance_names(category, meshes)[0], meshes)
             maps.append(
-                map_deformation(instance, renderer=renderer, method=method, weights=weights, seed=seed)
+                map_deformation(instance, renderer=renderer, method=method, weights=weights, seed=seed + row)
             )
     _write(_figure(maps, method), path)
     return maps

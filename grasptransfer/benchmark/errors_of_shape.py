@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grasptransfer.registration import DeformationField
 from grasptransfer.registration.kernels import gaussian
@@ -69,11 +69,11 @@ class TrueSurface:
 
     def __init__(self, points: Float[np.ndarray, "m 3"]):
         self.points = points
-        self._tree = cKDTree(points)
+        self._tree = KDTree(points)
 
     def error(self, points: Float[np.ndarray, "p 3"]) -> ShapeError:
         """Compare with points of a reconstruction, same frame [m]."""
-        to_model = cKDTree(points).query(self.points)[0]
+        to_model = KDTree(points).query(self.points)[0]
         to_truth = self._tree.query(points)[0]
         mean_squared = float(np.mean(to_model**2))
         chamfer = float(to_model.mean() + to_truth.mean()) / 2

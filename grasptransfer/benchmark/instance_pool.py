@@ -7,20 +7,19 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from grasptransfer import __version__
 from grasptransfer.benchmark.document import plain
 from grasptransfer.errors import SettingsError
 
-Settings = TypeVar("Settings")
-Measure = Callable[[Settings, str, str], dict]
+Measure = Callable[[Any, str, str], dict]
 Progress = Callable[[int, int], None]
 
 
 def measure_instances(
     measure: Measure,
-    settings: Settings,
+    settings: Any,
     found: Sequence[tuple[str, str]],
     *,
     workers: int = 1,
@@ -31,6 +30,7 @@ def measure_instances(
 
     Args:
         measure: a function of a module, so that other processes can import it.
+        settings: a dataclass with `categories`.
         found: category and name of each instance.
         workers: processes; 1 measures in this one.
         ledger: JSON lines of finished rows, read first, appended to; rows of other settings do not count.

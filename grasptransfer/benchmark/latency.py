@@ -151,6 +151,6 @@ def _medians(rows: list[dict]) -> dict[str, float]:
     summary = {}
     for stage in dict.fromkeys(row["stage"] for row in rows):
         group = [row for row in rows if row["stage"] == stage]
-        for key in ("median_ms", "p95_ms", "cold_ms"):
+        for key in ("median_ms", "p95_ms", "cold_ms") if stage == "total" else ("median_ms",):
             summary[f"{stage}_{key}"] = float(np.median([row[key] for row in group]))
     return summary

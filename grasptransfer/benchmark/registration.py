@@ -159,6 +159,11 @@ def measure_registration(settings: RegistrationSettings, category: str, name: st
     if "rgb" in scores:
         row["rgb_mask_iou"] = float(np.mean(scores["rgb"].mask_ious))
         row |= _pose_summary("before", before) | _pose_summary("after", after)
+        row |= {
+            f"rgb_over_{other}": row["rgb"]["mean"] / row[other]["mean"]
+            for other in ("gt", "cpd", "cls")
+            if other in row
+        }
     return row
 
 
@@ -197,14 +202,14 @@ class Judge:
             truth = self._once("truth", lambda: self.canonical.warped(self.instance.true_field))
             scores.correspondence_mm.append(float(np.linalg.norm(shape_points - truth, axis=1).mean()) * 1e3)
             if estimate.latent is not None and estimate.latent_covariance is not None:
-                scores.covered.append(self._covered(estimate))
+                scores.covered.append(self._covered(estimate.latent, estimate.latent_covariance))
 
-    def _covered(self, estimate: ShapeEstimate) -> float:
+    def _covered(self, latent: np.ndarray, covariance: np.ndarray) -> float:
         """Share of the modes whose true value lies in the estimate's 90 % interval."""
         space = self.instance.category.shape_space
         true_latent = self._once("latent", lambda: space.encode(self.instance.true_field.weights))
-        std = np.sqrt(np.diag(estimate.latent_covariance))
-        return float((np.abs(estimate.latent - true_latent) < 1.645 * std).mean())
+        std = np.sqrt(np.diag(covariance))
+        return float((np.abs(latent - true_latent) < 1.645 * std).mean())
 
     def _once(self, key: str, make: Callable[[], np.ndarray]) -> np.ndarray:
         if key not in self._answers:
@@ -222,8 +227,8 @@ def _pose_summary(when: str, errors: list[tuple[float, float]]) -> dict[str, flo
     return {f"pose_error_{when}_mm": float(shift), f"pose_error_{when}_deg": float(turn)}
 
 
-def _iou(predicted: np.ndarray | None, true: np.ndarray) -> float:
-    if predicted is None:
+def _iou(predicted: np.ndarray | None, true: np.ndarray | None) -> float:
+    if predicted is None or true is None:
         return 0.0
     return float((predicted & true).sum() / max((predicted | true).sum(), 1))
 

@@ -83,9 +83,12 @@ def _from_folder(category: Category, folder: Path) -> Instance:
         raise MeshError("holds no triangles", path=files[0])
     from grasptransfer.benchmark.errors_of_shape import outer_surface
 
-    space = category.shape_space
-    cloud = outer_surface(mesh, 2000)
-    field = cpd(space.control_points, cloud, beta=category.settings.beta, lam=category.settings.lam).field
+    space, settings = category.shape_space, category.settings
+    # The kernel of exact correspondences is too narrow for CPD: points would slide along the surface.
+    beta, lam = (category.file.measured.get(key) for key in ("cpd_beta", "cpd_lambda"))
+    beta = beta if isinstance(beta, int | float) else settings.beta
+    lam = lam if isinstance(lam, int | float) else settings.lam
+    field = cpd(space.control_points, outer_surface(mesh, 2000), beta=beta, lam=lam).field
     return Instance(category, folder.name, mesh, field)
 
 

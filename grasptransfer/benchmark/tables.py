@@ -12,11 +12,13 @@ def rows_table(result: dict) -> Table | None:
     if not methods:
         return None
     table = Table(title=f"{result['benchmark']}: E [1e-6 m²], mean (std over views)")
-    table.add_column("instance")
-    for name in methods:
+    table.add_column("instance", no_wrap=True)
+    ratios = [key for key in rows[0] if key.startswith("rgb_over_")]
+    for name in (*methods, *(key.replace("rgb_over_", "rgb / ") for key in ratios)):
         table.add_column(name, justify="right")
     for row in rows:
-        cells = (_cell(row[name]) if name in row else "" for name in methods)
+        cells = [_cell(row[name]) if name in row else "" for name in methods]
+        cells += [f"{row[key]:.2f}" for key in ratios]
         table.add_row(f"{row['category']}/{row['instance']}", *cells)
     return table
 
@@ -37,4 +39,4 @@ def _is_score(value) -> bool:
 
 
 def _cell(score: dict) -> str:
-    return f"{score['mean']:.4g} ({score['std']:.3g})"
+    return f"{score['mean']:.1f} ({score['std']:.1f})"

@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.errors import SettingsError
 from grasptransfer.files import replacing
 from grasptransfer.grasping.gripper import Gripper
 
+PICTURES = ("png", "jpg", "svg", "pdf")
 AXIS_LENGTH = 0.04  # m, about a finger's length
 
 
@@ -46,10 +48,17 @@ def _numbers(values: Float[np.ndarray, "3"]) -> str:
 
 
 def draw_frames(gripper: Gripper, path: str | Path) -> Path:
-    """Picture of the opened gripper with the TCP's axes: red x closing, green y, blue z approach."""
+    """Picture of the opened gripper with the TCP's axes: red x closing, green y, blue z approach.
+
+    Raises:
+        SettingsError: an unknown kind of picture, or the file cannot be written.
+    """
     from matplotlib.figure import Figure
 
     path = Path(path)
+    kind = path.suffix[1:].lower()
+    if kind not in PICTURES:
+        raise SettingsError("names no kind of picture", path=path, value=path.suffix, choices=PICTURES)
     figure = Figure(figsize=(11, 5.5), layout="constrained")
     for i, (elevation, azimuth, title) in enumerate(((5, -90, "along -y"), (5, 0, "along -x"))):
         axes = figure.add_subplot(1, 2, i + 1, projection="3d", proj_type="ortho")
@@ -57,7 +66,7 @@ def draw_frames(gripper: Gripper, path: str | Path) -> Path:
         axes.view_init(elevation, azimuth)
         axes.set_title(f"{gripper.name}, {gripper.max_width * 1e3:g} mm open, seen {title}")
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=110, format=path.suffix[1:] or "png")
+        figure.savefig(temporary, dpi=110, format=kind)
     return path
 
 

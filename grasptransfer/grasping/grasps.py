@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from grasptransfer.errors import GraspFileError
-from grasptransfer.files import replacing
+from grasptransfer.files import read_yaml, replacing
 from grasptransfer.grasping.grasp import Grasp, Symmetry, expand_symmetry
 from grasptransfer.grasping.grasp_entry import read_entry, write_entry
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
-from grasptransfer.grasping.yaml_models import Strict, dump_yaml, parse, read_yaml
+from grasptransfer.grasping.yaml_models import Strict, dump_yaml, parse
 
 if TYPE_CHECKING:
     from grasptransfer.category import Category

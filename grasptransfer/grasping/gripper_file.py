@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from grasptransfer.errors import GripperError
+from grasptransfer.files import read_yaml
 from grasptransfer.grasping.urdf_geometry import Joint
-from grasptransfer.grasping.yaml_models import RigidPose, Strict, check_unit_quaternion, parse, read_yaml
+from grasptransfer.grasping.yaml_models import RigidPose, Strict, check_unit_quaternion, parse
 
 
 class JointModel(Strict):

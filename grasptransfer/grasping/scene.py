@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import MeshError, PoseError, SceneError
+from grasptransfer.files import read_yaml
 from grasptransfer.frames import check_rigid
-from grasptransfer.grasping.yaml_models import Strict, parse, read_yaml
+from grasptransfer.grasping.yaml_models import Strict, parse
 
 if TYPE_CHECKING:
     import trimesh
@@ -51,7 +52,7 @@ class Scene:
                 raise SceneError(
                     "must be a finite point and a normal that is not zero",
                     key="support_plane",
-                    value=self.support_plane,
+                    value=[point.tolist(), normal.tolist()],
                 )
             object.__setattr__(self, "support_plane", (point, normal / np.linalg.norm(normal)))
 
@@ -93,7 +94,7 @@ def load_scene(path: str | Path) -> Scene:
     except (PoseError, SceneError) as error:
         if error.path is not None:
             raise
-        raise SceneError(error.problem, path=path, key=error.key, value=error.value, fix=error.fix) from error
+        raise error.at(path, kind=SceneError) from error
 
 
 def _mesh(name: str, model: _ObstacleModel, path: Path) -> "trimesh.Trimesh":

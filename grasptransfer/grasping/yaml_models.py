@@ -1,4 +1,4 @@
-"""Reading a YAML file into a pydantic model, with every mistake named by file, key, value and choices."""
+"""A YAML file's content as a pydantic model, with every mistake named by file, key, value and choices."""
 
 from pathlib import Path
 from typing import TypeVar
@@ -91,42 +91,6 @@ def pose_as_data(a_from_gripper: Float[np.ndarray, "4 4"]) -> dict:
     position = [round(float(value), 9) for value in a_from_gripper[:3, 3]]
     orientation = {"w": round(w, 12), "xyz": [round(value, 12) for value in xyz]}
     return {"position": position, "orientation": orientation}
-
-
-class _Loader(yaml.SafeLoader):
-    """Safe loader that refuses a key given twice, where YAML would silently keep the last."""
-
-    def construct_mapping(self, node, deep=False):
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, str) and key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key!r} is given twice", key_node.start_mark
-                )
-            seen.add(str(key))
-        return super().construct_mapping(node, deep)
-
-
-def read_yaml(path: str | Path, *, error: type[GraspTransferError]) -> dict:
-    """Mapping of a YAML file.
-
-    Raises:
-        error: unreadable, not YAML (with the line), or not a mapping.
-    """
-    path = Path(path)
-    try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
-    except (OSError, UnicodeDecodeError) as cause:
-        raise error("cannot read the file", path=path, fix=str(cause)) from cause
-    except yaml.YAMLError as cause:
-        mark = getattr(cause, "problem_mark", None)
-        line = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        what = getattr(cause, "problem", None) or "cannot be parsed"
-        raise error(f"is not valid YAML{line}: {what}", path=path) from cause
-    if not isinstance(data, dict):
-        raise error("must hold a mapping of keys to values", path=path, value=data)
-    return data
 
 
 def parse(

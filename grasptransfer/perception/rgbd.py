@@ -209,10 +209,9 @@ def _pixels(
     seen: Float[np.ndarray, "n 3"], camera: Camera
 ) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
     """Columns and rows of points in the camera's frame, and which lie in the picture."""
-    pixels = np.round(camera.project(seen)).astype(int)
-    inside = (pixels >= 0).all(1) & (pixels < [camera.width, camera.height]).all(1)
-    columns, rows = np.where(inside[:, None], pixels, 0).T
-    return columns, rows, inside
+    columns, rows = np.round(camera.project(seen)).astype(int).T
+    inside = (columns >= 0) & (rows >= 0) & (columns < camera.width) & (rows < camera.height)
+    return np.where(inside, columns, 0), np.where(inside, rows, 0), inside
 
 
 def _measured(observation: Observation, predicted: np.ndarray | None) -> Float[np.ndarray, "h w"]:

@@ -52,7 +52,7 @@ def check(category: Positional[Path]) -> int:
     faults = check_category(category if category.is_dir() else load_category(str(category)).folder)
     for fault in faults:
         console.print(f"fault: {fault}", soft_wrap=True)
-    console.print("no fault" if not faults else f"{len(faults)} faults")
+    console.print("no fault" if not faults else f"{len(faults)} fault{'s' * (len(faults) > 1)}")
     return 2 if faults else 0
 
 

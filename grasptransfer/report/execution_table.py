@@ -11,12 +11,10 @@ from rich.table import Table
 from grasptransfer.errors import GraspFileError
 from grasptransfer.grasping import load_gripper, on_canonical
 from grasptransfer.grasping.formats import read_grasps
-from grasptransfer.report.transfer_files import load_mesh
+from grasptransfer.report.transfer_files import FRAMES_PER_SECOND, load_mesh
 
 if TYPE_CHECKING:
     from grasptransfer.simulation import TrialResult
-
-FRAMES_PER_SECOND = 20.0
 
 
 def run_simulation(

@@ -1,7 +1,7 @@
-"""Each grasp drawn on the reconstruction, from a side that shows both fingers."""
+"""Each grasp drawn on its object, from a side that shows both fingers."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
@@ -11,8 +11,8 @@ from grasptransfer.frames import invert, transform_points
 from grasptransfer.report.studio import Colour, Studio, View, fitted_view, painted, together
 
 if TYPE_CHECKING:
-    from grasptransfer.grasping import Gripper
-    from grasptransfer.transfer import TransferredGrasp, TransferResult
+    from grasptransfer.grasping import Gripper, Scene
+    from grasptransfer.transfer import TransferResult
 
 PICTURE = (320, 260)  # px
 SCOUT = (128, 104)  # px: pictures that only tell what hides what
@@ -24,6 +24,7 @@ OBSTACLE: Colour = (150, 132, 110)
 AZIMUTHS = np.deg2rad(np.arange(0, 360, 24))
 ELEVATIONS = np.deg2rad([12, 38])
 PLANE_RADIUS = 0.16  # m: the part of a support plane that is drawn
+FAMILIAR = np.deg2rad(40)  # azimuth that is preferred where no photograph tells one
 HIDDEN_BY = 0.002  # m that a point may lie behind the surface and still count as seen
 
 
@@ -50,26 +51,85 @@ class PaintedGripper:
         return [*self.fingers, *self.rest]
 
 
+@runtime_checkable
+class DrawnGrasp(Protocol):
+    """What is asked of a grasp to draw it: a `TransferredGrasp`, or a `PlacedGrasp`."""
+
+    @property
+    def name(self) -> str:
+        """Written below its picture."""
+        ...
+
+    @property
+    def object_from_gripper(self) -> Float[np.ndarray, "4 4"]:
+        """TCP pose [m]."""
+        ...
+
+    @property
+    def opening(self) -> float:
+        """Distance between the pads on the way in [m]."""
+        ...
+
+    @property
+    def usable(self) -> bool:
+        """Whether its fingers are green."""
+        ...
+
+
+@dataclass(frozen=True)
+class PlacedGrasp:
+    """A grasp to draw that comes from no transfer; see `DrawnGrasp`."""
+
+    name: str
+    object_from_gripper: Float[np.ndarray, "4 4"]
+    opening: float
+    usable: bool
+
+
 class GraspPictures:
-    """Draws the grasps of one result.
+    """Draws grasps of one object.
 
     Args:
-        result: of a transfer.
+        mesh: the object, object frame [m].
+        gripper: that grasps it.
         studio: draws.
+        scene: what stands around the object, camera frame.
+        camera_from_object: (4, 4) where the object was seen from [m]; None: no photograph.
     """
 
-    def __init__(self, result: "TransferResult", studio: Studio):
-        self.result, self.studio = result, studio
-        self.object = painted(result.mesh, OBJECT)
-        self.surroundings = _surroundings(result)
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        gripper: "Gripper",
+        studio: Studio,
+        *,
+        scene: "Scene | None" = None,
+        camera_from_object: Float[np.ndarray, "4 4"] | None = None,
+    ):
+        self.gripper, self.studio = gripper, studio
+        self.object = painted(mesh, OBJECT)
+        object_from_camera = np.eye(4) if camera_from_object is None else invert(camera_from_object)
+        self.surroundings = _surroundings(scene, object_from_camera)
         self.scouts = [self._scout(azimuth, elevation) for elevation in ELEVATIONS for azimuth in AZIMUTHS]
-        to_camera = invert(result.camera_from_object)[:3, 3]
-        self.observed_azimuth = float(np.arctan2(to_camera[1], to_camera[0]))
+        to_camera = object_from_camera[:3, 3]
+        photographed = camera_from_object is not None
+        self.familiar = float(np.arctan2(to_camera[1], to_camera[0])) if photographed else FAMILIAR
 
-    def draw(self, grasp: "TransferredGrasp") -> UInt8[np.ndarray, "h w 3"]:
+    @staticmethod
+    def of(result: "TransferResult", studio: Studio) -> "GraspPictures":
+        """For the grasps of a transfer, on its reconstruction."""
+        return GraspPictures(
+            result.mesh,
+            result.gripper,
+            studio,
+            scene=result.scene,
+            camera_from_object=result.camera_from_object,
+        )
+
+    def draw(self, grasp: DrawnGrasp) -> UInt8[np.ndarray, "h w 3"]:
         """The opened gripper at the grasp: fingers green where it is usable, red where not."""
         colour = USABLE if grasp.usable else REFUSED
-        gripper = painted_gripper(self.result.gripper, grasp.opening, grasp.object_from_gripper, colour)
+        gripper = painted_gripper(self.gripper, grasp.opening, grasp.object_from_gripper, colour)
         scout = max(self.scouts, key=lambda scout: self._clarity(scout, grasp))
         width, height = PICTURE
         # The hand may leave the picture: what matters is where the fingers are.
@@ -83,17 +143,17 @@ class GraspPictures:
         depth = self.studio.renderer.depth(self.object, view.camera, view.camera_from_object)
         return _Scout(azimuth, elevation, view, depth)
 
-    def _clarity(self, scout: _Scout, grasp: "TransferredGrasp") -> float:
+    def _clarity(self, scout: _Scout, grasp: DrawnGrasp) -> float:
         """How well a view shows the grasp: pads in sight, fingers side by side, near the photograph's."""
         object_from_camera = invert(scout.view.camera_from_object)
         to_camera = object_from_camera[:3, 3] / np.linalg.norm(object_from_camera[:3, 3])
         across = abs(float(to_camera @ grasp.object_from_gripper[:3, 1]))
-        familiar = np.cos(scout.azimuth - self.observed_azimuth)
+        familiar = np.cos(scout.azimuth - self.familiar)
         seen = self._seen(scout, self._pad_points(grasp))
         return float(seen + 0.8 * across + 0.15 * familiar)
 
-    def _pad_points(self, grasp: "TransferredGrasp") -> Float[np.ndarray, "m 3"]:
-        pads = self.result.gripper.pad_centres(grasp.opening)
+    def _pad_points(self, grasp: DrawnGrasp) -> Float[np.ndarray, "m 3"]:
+        pads = self.gripper.pad_centres(grasp.opening)
         # Points up the fingers, so that one sunk into the object still counts for what is in sight.
         steps = np.linspace(0, -0.03, 4)[:, None, None] * np.array([0.0, 0.0, 1.0])
         return transform_points(grasp.object_from_gripper, (pads + steps).reshape(-1, 3))
@@ -130,18 +190,19 @@ def painted_gripper(
     return PaintedGripper(fingers, rest)
 
 
-def _surroundings(result: "TransferResult") -> list[trimesh.Trimesh]:
+def _surroundings(
+    scene: "Scene | None", object_from_camera: Float[np.ndarray, "4 4"]
+) -> list[trimesh.Trimesh]:
     """Obstacles and the near part of the support plane, object frame."""
-    if result.scene is None:
+    if scene is None:
         return []
-    object_from_camera = invert(result.camera_from_object)
     parts = []
-    for _, mesh, camera_from_obstacle in result.scene.obstacles:
+    for _, mesh, camera_from_obstacle in scene.obstacles:
         moved = mesh.copy()
         moved.apply_transform(object_from_camera @ camera_from_obstacle)
         parts.append(painted(moved, OBSTACLE))
-    if result.scene.support_plane is not None:
-        point, normal = result.scene.support_plane
+    if scene.support_plane is not None:
+        point, normal = scene.support_plane
         normal = object_from_camera[:3, :3] @ normal
         height = normal @ transform_points(object_from_camera, point)
         disc = trimesh.creation.cylinder(PLANE_RADIUS, 0.002, sections=64)

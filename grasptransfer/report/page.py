@@ -72,7 +72,7 @@ def write_page(
             _seen(pictures),
             _shape(pictures),
             _deformation(pictures.deformation()),
-            _grasps(result, GraspPictures(result, studio), trials),
+            _grasps(result, GraspPictures.of(result, studio), trials),
             trial_section(result, trials, studio, executed_mesh=executed_mesh) if trials else "",
             _timings(result),
         ]

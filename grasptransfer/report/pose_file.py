@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import numpy as np
-import yaml
 from jaxtyping import Float
 
 from grasptransfer.errors import PoseError
+from grasptransfer.files import read_yaml
 from grasptransfer.frames import check_rigid, rigid
 
 KEY = "camera_from_object"
@@ -24,7 +24,7 @@ def load_pose(path: str | Path) -> Float[np.ndarray, "4 4"]:
         PoseError: unreadable, or a mistake in it, named by file and key.
     """
     path = Path(path)
-    data = _read(path)
+    data = read_yaml(path, error=PoseError)
     known = [key for key in (KEY, BOP_ROTATION, BOP_TRANSLATION) if key in data]
     if KEY in known and len(known) > 1:
         raise PoseError(
@@ -40,25 +40,7 @@ def load_pose(path: str | Path) -> Float[np.ndarray, "4 4"]:
     try:
         return check_rigid(pose, known[0])
     except PoseError as error:
-        raise PoseError(error.problem, path=path, key=error.key, value=error.value, fix=error.fix) from error
-
-
-def _read(path: Path) -> dict:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise PoseError("does not exist", path=path) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise PoseError("cannot read the pose file", path=path, fix=str(error)) from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise PoseError(f"is not valid YAML{line}: {getattr(error, 'problem', error)}", path=path) from error
-    if isinstance(data, list):
-        raise PoseError("holds a list; one pose is wanted", path=path, fix="Give one of its entries")
-    if not isinstance(data, dict):
-        raise PoseError("must hold a mapping", path=path, value=data, choices=CHOICES)
-    return data
+        raise error.at(path) from error
 
 
 def _array(data: dict, key: str, shape: tuple[int, ...], path: Path) -> np.ndarray:

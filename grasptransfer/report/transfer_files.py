@@ -81,7 +81,7 @@ def run_transfer(
     Raises:
         GraspTransferError: wrong input; nothing is written then.
     """
-    told = load_pose(pose)
+    pixels, told = read_image(image), load_pose(pose)
     seen = {
         "camera": None if camera is None else Camera.load(camera),
         "mask": None if mask is None else load_mask(mask),
@@ -92,7 +92,7 @@ def run_transfer(
     flow = GraspTransfer(
         category, gripper=gripper, estimator=estimator, refine_pose=refine_pose, device=device, seed=seed
     )
-    result = flow.transfer(image, told, **seen)
+    result = flow.transfer(pixels, told, **seen)
     trials = () if true_mesh is None else execute_best(result, true_mesh, told, seed=seed)
     return write_outcome(result, trials, true_mesh, out)
 
@@ -180,8 +180,12 @@ def replacing_files(out: Path):
 
 
 def load_mask(path: Path) -> Bool[np.ndarray, "h w"]:
-    """Where a picture is brighter than half."""
-    return read_image(path).mean(-1) > 127
+    """Where a picture is brighter than half.
+
+    Raises:
+        ImageError: it cannot be read.
+    """
+    return np.asarray(_opened(path).convert("L")) > 127
 
 
 def load_depth(path: Path) -> Float[np.ndarray, "h w"]:
@@ -190,16 +194,23 @@ def load_depth(path: Path) -> Float[np.ndarray, "h w"]:
     Raises:
         ImageError: it cannot be read, or is no single channel of 16 or more bits.
     """
-    try:
-        with Image.open(path) as picture:
-            picture.load()
-    except (OSError, ValueError) as error:
-        raise ImageError(f"cannot be read as a picture: {error}", path=path) from error
+    picture = _opened(path)
     if not picture.mode.startswith("I"):
         raise ImageError(
             "must be a 16-bit grey picture in millimetres", path=path, key="depth", value=picture.mode
         )
     return np.asarray(picture).astype(float) / 1000
+
+
+def _opened(path: Path) -> Image.Image:
+    try:
+        with Image.open(path) as picture:
+            picture.load()
+    except FileNotFoundError as error:
+        raise ImageError("does not exist", path=path) from error
+    except (OSError, ValueError) as error:
+        raise ImageError(f"cannot be read as a picture: {error}", path=path) from error
+    return picture
 
 
 def load_mesh(path: Path) -> trimesh.Trimesh:
@@ -216,7 +227,9 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
         raise MeshError(f"cannot be read: {error}", path=path) from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise MeshError("has no triangles", path=path)
-    if not np.isfinite(mesh.vertices).all() or mesh.extents.max() > LARGEST_EXTENT:
+    if not np.isfinite(mesh.vertices).all():
+        raise MeshError("has vertices that are NaN or infinite", path=path)
+    if mesh.extents.max() > LARGEST_EXTENT:
         size = float(np.max(mesh.extents))
         raise MeshError("is not in metres", path=path, value=f"{size:g} long", fix="Scale it to metres")
     return mesh

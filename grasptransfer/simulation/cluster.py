@@ -36,7 +36,7 @@ def run_on_cluster(setup: Setup, jobs: Sequence[Job], address: str) -> Iterator[
         shared = client.scatter(setup, broadcast=True, hash=False)
         # Not pure: the same trial may be asked for again after a crash.
         futures = {client.submit(execute, shared, job, pure=False): i for i, job in enumerate(jobs)}
-        for future in as_completed(list(futures)):
+        for future in as_completed(list(futures), loop=client.loop):
             index = futures[future]
             if future.status == "finished":
                 yield index, future.result()

@@ -63,7 +63,7 @@ def rigid_poses(values: object, path: Path, key: str) -> Float[np.ndarray, "g 4 
         try:
             checked.append(check_rigid(pose, f"{key}[{i}]"))
         except PoseError as error:
-            raise GraspFileError(error.problem, path=path, key=error.key, fix=error.fix) from error
+            raise error.at(path, kind=GraspFileError) from error
     return np.stack(checked)
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field
 
 from grasptransfer.errors import GraspFileError
-from grasptransfer.files import replacing
+from grasptransfer.files import read_yaml, replacing
 from grasptransfer.frames import invert, rigid
 from grasptransfer.grasping.formats.grasp_set import GraspSet, base_from_tcp
 from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp
@@ -22,7 +22,6 @@ from grasptransfer.grasping.yaml_models import (
     dump_yaml,
     parse,
     pose_as_data,
-    read_yaml,
 )
 
 TCP = "tcp"
