@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from grasptransfer.grasping import list_grippers as list_grippers
     from grasptransfer.grasping import load_gripper as load_gripper
     from grasptransfer.grasping import load_scene as load_scene
+    from grasptransfer.result import TransferResult as TransferResult
     from grasptransfer.simulation import simulate as simulate
     from grasptransfer.transfer import GraspTransfer as GraspTransfer
-    from grasptransfer.transfer import TransferResult as TransferResult
     from grasptransfer.transfer import register_pair as register_pair
     from grasptransfer.transfer import transfer_grasps as transfer_grasps
 
@@ -28,7 +28,7 @@ _HOMES = {
     "GraspTransfer": "transfer",
     "GraspTransferError": "errors",
     "Scene": "grasping",
-    "TransferResult": "transfer",
+    "TransferResult": "result",
     "list_categories": "category",
     "list_grippers": "grasping",
     "load_category": "category",

@@ -17,8 +17,9 @@ from grasptransfer.frames import invert
 from grasptransfer.grasping import load_gripper
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.scenes import PoseNoise
+from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import simulate
-from grasptransfer.transfer import GraspTransfer, TransferredGrasp, TransferResult
+from grasptransfer.transfer import GraspTransfer
 
 ESTIMATORS = ("gt", "rgb", "cls", "cpd", "similarity", "rigid")
 

@@ -15,7 +15,7 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
-from grasptransfer.grasping.ranking import rank_grasps
+from grasptransfer.grasping.ranking import doubt_unlikely, rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
 from grasptransfer.grasping.scene import Scene, load_scene
 from grasptransfer.grasping.surface import Surface
@@ -34,6 +34,7 @@ __all__ = [
     "Symmetry",
     "WarpedGrasp",
     "check_grasps",
+    "doubt_unlikely",
     "expand_symmetry",
     "list_grippers",
     "load_grasps",

@@ -12,7 +12,7 @@ from grasptransfer.report.studio import Colour, Studio, View, fitted_view, paint
 
 if TYPE_CHECKING:
     from grasptransfer.grasping import Gripper, Scene
-    from grasptransfer.transfer import TransferResult
+    from grasptransfer.result import TransferResult
 
 PICTURE = (320, 260)  # px
 SCOUT = (128, 104)  # px: pictures that only tell what hides what

@@ -30,8 +30,8 @@ from grasptransfer.report.studio import CANONICAL, RECONSTRUCTION, Studio
 from grasptransfer.report.trial_section import executed_by_name, trial_pill, trial_section
 
 if TYPE_CHECKING:
+    from grasptransfer.result import TransferredGrasp, TransferResult
     from grasptransfer.simulation import TrialResult
-    from grasptransfer.transfer import TransferredGrasp, TransferResult
 
 STAGES = {
     "network": "Network",

@@ -24,7 +24,7 @@ from grasptransfer.report.studio import (
 )
 
 if TYPE_CHECKING:
-    from grasptransfer.transfer import TransferResult
+    from grasptransfer.result import TransferResult
 
 PANEL = (520, 390)  # px
 PHOTO_WIDTH = 900  # px; a larger photograph is shown smaller

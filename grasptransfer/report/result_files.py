@@ -21,7 +21,7 @@ from grasptransfer.grasping import Grasp
 from grasptransfer.grasping.formats import GraspSet, isaac_grasp
 
 if TYPE_CHECKING:
-    from grasptransfer.transfer import TransferredGrasp, TransferResult
+    from grasptransfer.result import TransferredGrasp, TransferResult
 
 GRASPS, RECONSTRUCTION, FIELD, RESULT = "grasps.yaml", "reconstruction.glb", "field.npz", "result.yaml"
 

@@ -21,7 +21,8 @@ from grasptransfer.perception.observation import read_image
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.pose_file import load_pose
 from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, save_result, writing
-from grasptransfer.transfer import GraspTransfer, TransferredGrasp, TransferResult
+from grasptransfer.result import TransferredGrasp, TransferResult
+from grasptransfer.transfer import GraspTransfer
 
 if TYPE_CHECKING:
     from grasptransfer.simulation import TrialResult

@@ -11,8 +11,8 @@ from grasptransfer.report.movie import movie, seconds_per_frame
 
 if TYPE_CHECKING:
     from grasptransfer.report.studio import Studio
+    from grasptransfer.result import TransferResult
     from grasptransfer.simulation import TrialResult
-    from grasptransfer.transfer import TransferResult
 
 
 def executed_by_name(trials: "Sequence[TrialResult]") -> "dict[str, list[TrialResult]]":
