@@ -16,7 +16,7 @@ from rich.markup import escape
 
 from grasptransfer.annotator.command_line import annotate
 from grasptransfer.benchmark.command_line import COMMANDS as BENCHMARKS
-from grasptransfer.errors import GraspTransferError
+from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.report.category_command_line import COMMANDS as CATEGORY
 from grasptransfer.report.command_line import demo, simulate, transfer
 from grasptransfer.report.progress import progress_bar
@@ -66,6 +66,8 @@ def train(
     from grasptransfer.perception.training import TrainingConfig
     from grasptransfer.perception.training import train as run_training
 
+    counts = {"samples": samples, "steps": steps, "batch": batch, "echo": echo, "workers": workers}
+    _check_training(network, loss, counts)
     names = tuple(load_category(name).name for name in categories or list_categories())
     config = TrainingConfig(
         names,
@@ -96,6 +98,19 @@ def train(
     card = write_card(output, config, scores, run)
     console.print(f"Weights: {output}\nModel card: {card}\n{scores}", soft_wrap=True)
     return 0
+
+
+def _check_training(network: str, loss: str, counts: dict[str, int]) -> None:
+    """Refuse what would fail only after an hour of rendering."""
+    from grasptransfer.perception.losses import LOSSES
+    from grasptransfer.perception.networks import network_names
+
+    for key, value, choices in (("network", network, network_names()), ("loss", loss, LOSSES)):
+        if value not in choices:
+            raise SettingsError(f"unknown {key}", key=key, value=value, choices=choices)
+    for key, value in counts.items():
+        if value < 1:
+            raise SettingsError("must be at least 1", key=key, value=value)
 
 
 def _training_line(state: "Progress") -> str:

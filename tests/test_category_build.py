@@ -5,45 +5,26 @@ import struct
 import numpy as np
 import pytest
 import trimesh
+from vases import SMALL, vase, write_vases
 
 from grasptransfer.category import check_category
 from grasptransfer.category.build import build_category
 from grasptransfer.category.carving import carved_surface
-from grasptransfer.category.learning import choose_modes, leave_one_out
-from grasptransfer.category.orientation import best_turn
+from grasptransfer.category.orientation import agreed_turn, best_turn
 from grasptransfer.category.pcd import read_pcd
 from grasptransfer.category.sources import find_sources, frame_rotation, prepare
 from grasptransfer.category.tasks import thinned
 from grasptransfer.errors import CategoryError, MeshError, PointCloudError, SettingsError
-from grasptransfer.registration import DeformationField
 from grasptransfer.report.category_page import category_page
 
-SMALL = {"control_points": 80, "workers": 1, "beta": 1.0, "lam": 1.0}
 STRAIGHT = np.eye(3)
-
-
-def vase(height: float, width: float, lean: float = 0.0) -> trimesh.Trimesh:
-    """A turned body with a flag on its +x side, so that it has a front."""
-    profile = np.array([[0, 0], [0.6, 0], [1, 0.4], [0.5, 0.9], [0.5, 1], [0, 1]]) * [width / 2, height]
-    body = trimesh.creation.revolve(profile, sections=24)
-    flag = trimesh.creation.box((0.6 * width, 0.2 * width, 0.2 * height))
-    flag.apply_translation([0.7 * width, 0, 0.5 * height])
-    both = trimesh.util.concatenate([body, flag])
-    both.vertices += lean * both.vertices[:, 2:] * [0, 1, 0]
-    return both
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Four train instances in as many formats, one of them a cloud, and one test instance."""
     folder = tmp_path_factory.mktemp("vases")
-    vase(0.10, 0.050).export(folder / "a.obj")
-    vase(0.12, 0.055).export(folder / "b.stl")
-    (folder / "c").mkdir()
-    vase(0.14, 0.050).export(folder / "c" / "mesh.glb")
-    points, _ = trimesh.sample.sample_surface(vase(0.13, 0.060), 600, seed=0)
-    np.savetxt(folder / "d.xyz", points)
-    vase(0.125, 0.052).export(folder / "e.off")
+    write_vases(folder)
     return folder
 
 
@@ -75,9 +56,16 @@ def test_registration_brings_the_canonical_nearer(built):
             assert one.after.chamfer < one.before.chamfer
 
 
-def test_only_train_instances_have_a_leave_one_out_error(built):
+def test_errors_of_unseen_instances_leave_out_the_canonical(built):
     assert {one.name for one in built.registrations if one.left_out_rms is None} == {"e"}
-    assert built.category.file.measured["leave_one_out_rms_mm"] > 0
+    measured = built.category.file.measured
+    train = [one for one in built.registrations if not one.test and one.name != built.canonical]
+    errors = 1e6 * np.array([one.fitted_error for one in train])
+    assert measured["leave_one_out_error_um2"] == pytest.approx(errors.mean(), abs=1e-4)
+    assert measured["leave_one_out_error_worst_um2"] == pytest.approx(errors.max(), abs=1e-4)
+    test = next(one for one in built.registrations if one.test)
+    assert measured["test_error_um2"] == pytest.approx(1e6 * test.fitted_error, abs=1e-4)
+    assert test.fitted_error < test.before.error
 
 
 def test_explained_variance_rises_to_all_of_it(built):
@@ -91,28 +79,6 @@ def test_the_page_shows_every_instance_and_needs_no_other_file(built, tmp_path):
         assert f"<h3>{one.name} " in text
     assert text.count("<img ") == 4 * 5 + 5 * min(5, built.category.settings.modes)
     assert "http" not in text.replace("http-equiv", "")
-
-
-def test_an_interrupted_build_resumes_and_gives_the_same_bytes(built, folder, tmp_path):
-    class Interrupted(Exception):
-        pass
-
-    def stop_half_way(progress):
-        if progress.step == "register" and progress.done == 2:
-            raise Interrupted
-
-    out = tmp_path / "vase"
-    with pytest.raises(Interrupted):
-        build_category("vase", meshes=folder, test=["e"], out=out, progress=stop_half_way, **SMALL)
-    assert not out.exists()
-    seen = []
-    again = build_category("vase", meshes=folder, test=["e"], out=out, progress=seen.append, **SMALL)
-    first = {step: next(one for one in seen if one.step == step) for step in ("check", "register")}
-    assert first["check"].done == 5
-    assert first["register"].done >= 2
-    assert again.category.file.checksums == built.category.file.checksums
-    assert (out / "category.yaml").read_bytes() == (built.category.folder / "category.yaml").read_bytes()
-    assert [path.name for path in tmp_path.iterdir()] == ["vase"]
 
 
 def test_an_existing_folder_is_not_replaced_unasked(built, folder):
@@ -135,7 +101,17 @@ def test_too_few_meshes_are_refused(folder, tmp_path):
         build_category("vase", meshes=folder, out=tmp_path / "v", test=list("abc"))
 
 
-@pytest.mark.parametrize("options", [{"scale": 0.0}, {"workers": 0}, {"modes": 0}, {"front": "up"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"scale": 0.0},
+        {"workers": 0},
+        {"modes": 0},
+        {"front": "up"},
+        {"beta": -1.0},
+        {"flexibility": 2.0},
+    ],
+)
 def test_options_out_of_range_are_named(folder, tmp_path, options):
     with pytest.raises(SettingsError) as caught:
         build_category("vase", meshes=folder, out=tmp_path / "v", **options)
@@ -162,12 +138,19 @@ def test_a_folder_without_meshes_names_the_endings(tmp_path):
     assert ".pcd" in (caught.value.choices or [])
 
 
-def test_millimetres_are_refused_with_the_fix(tmp_path):
-    vase(100.0, 50.0).export(tmp_path / "a.obj")
-    with pytest.raises(MeshError, match=r"millimetres.*--scale 0\.001"):
+@pytest.mark.parametrize(("unit", "scale"), [("millimetres", 0.001), ("centimetres", 0.01)])
+def test_another_unit_is_refused_with_the_fix(tmp_path, unit, scale):
+    vase(0.1 / scale, 0.05 / scale).export(tmp_path / "a.obj")
+    with pytest.raises(MeshError, match=rf"{unit}.*--scale {scale:g}"):
         prepare(tmp_path / "a.obj", scale=1.0, rotation=STRAIGHT)
-    mesh = prepare(tmp_path / "a.obj", scale=0.001, rotation=STRAIGHT).mesh
+    mesh = prepare(tmp_path / "a.obj", scale=scale, rotation=STRAIGHT).mesh
     assert np.isclose(mesh.extents[2], 0.1)
+
+
+def test_a_scale_that_makes_an_object_tiny_is_refused(tmp_path):
+    vase(0.1, 0.05).export(tmp_path / "a.obj")
+    with pytest.raises(MeshError, match=r"longest side is 0\.001 m.*--scale 10"):
+        prepare(tmp_path / "a.obj", scale=0.01, rotation=STRAIGHT)
 
 
 @pytest.mark.parametrize(
@@ -284,12 +267,12 @@ def test_a_pcd_file_that_is_cut_short_is_refused(tmp_path, kind):
         read_pcd(tmp_path / "a.pcd")
 
 
-def test_leaving_out_finds_the_true_number_of_modes():
-    rng = np.random.default_rng(0)
-    points = rng.normal(scale=0.05, size=(50, 3))
-    field = DeformationField.identity(points, beta=1.0)
-    modes = rng.normal(size=(2, 50, 3))
-    weights = np.einsum("ik,knc->inc", rng.normal(size=(12, 2)), modes) + 1e-4 * rng.normal(size=(12, 50, 3))
-    assert choose_modes(weights, field, metric="GW") == 2
-    two = leave_one_out(weights, field, n_modes=2, metric="GW").overall
-    assert two < 0.01 * leave_one_out(weights, field, n_modes=1, metric="GW").overall
+def test_one_odd_canonical_does_not_make_others_look_turned():
+    def points(mesh):
+        return thinned(np.asarray(trimesh.sample.sample_surface(mesh, 3000, seed=0)[0]), 250)
+
+    straight, turned = points(vase(0.1, 0.05)), vase(0.11, 0.05)
+    others = [points(vase(height, 0.05)) for height in (0.09, 0.12, 0.13)]
+    turned.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 0, 1]))
+    assert agreed_turn(straight, points(turned), others).degrees == -90
+    assert agreed_turn(points(turned), straight, others).warning is None

@@ -1,10 +1,4 @@
-"""CPD: laws of the method, oracles, and bad input.
-
-What peers do with the bad input below (pycpd 2.0.0, cycpd 0.28, probreg 0.3.8, bcpd 0.98): NaN gives
-NaN in silence (pycpd, probreg, bcpd); empty clouds give division errors or nonsense; five per cent
-far outliers at w = 0 collapse all of them; float32 or int is a TypeError (cycpd); 2-D against 3-D
-returns garbage (one); exact copies break bcpd's Cholesky. None says "not converged".
-"""
+"""CPD: laws of the method, and oracles."""
 
 import threading
 
@@ -16,7 +10,7 @@ from pycpd import DeformableRegistration
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from grasptransfer.errors import NotSucceeded, PointCloudError, SettingsError
+from grasptransfer.errors import NotSucceeded
 from grasptransfer.registration import CpdStatus, PreparedSource, cpd, cpd_all
 from grasptransfer.registration.blocks import BLOCK, spatial_order
 from grasptransfer.registration.expectation import EStep, Traits
@@ -96,37 +90,6 @@ def test_both_backends_give_the_same_result(outlier_weight):
     np.testing.assert_allclose(ours[0](source), ours[1](source), atol=1e-6)
     np.testing.assert_allclose(ours[0].source_support, ours[1].source_support, atol=1e-3)
     np.testing.assert_allclose(ours[0].target_inlier, ours[1].target_inlier, atol=1e-3)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("spread", [1.0, 0.1, 0.02, 0.003])
-def test_the_expectation_is_that_of_all_pairs(backend, spread):
-    """However small sigma is: boxes out of reach are skipped, and nothing else."""
-    source, target = (cloud / 0.07 for cloud in pair(333, target_count=257))
-    source = source[spatial_order(source, BLOCK)]
-    squared = np.square(source[:, None] - target).sum(2)
-    closeness = np.exp((squared.min(0) - squared) / (2 * spread**2))
-    matches = closeness / closeness.sum(0)
-    with EStep(target, len(source), backend=backend, threads=1) as expect:
-        for moved in (source + 0.05, source):  # the bounds of the first call must hold for the second
-            found = expect(moved, spread**2)
-    np.testing.assert_allclose(found.support, matches.sum(1), atol=2e-4)
-    np.testing.assert_allclose(found.moment, matches @ target, atol=2e-4)
-    assert found.squared == pytest.approx((matches * squared).sum(), rel=1e-4)
-    likelihood = np.log(closeness.sum(0)) - squared.min(0) / (2 * spread**2)
-    assert found.log_likelihood == pytest.approx(likelihood.sum(), rel=1e-4, abs=1e-3)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_threads_do_not_change_the_expectation(backend):
-    source, target = (cloud / 0.07 for cloud in pair(1000))
-    source = source[spatial_order(source, BLOCK)]
-    found = []
-    for threads in (1, 2):
-        with EStep(target, len(source), backend=backend, threads=threads) as expect:
-            found.append(expect(source, 0.01))
-    np.testing.assert_allclose(found[0].moment, found[1].moment, atol=1e-4)  # float32 sums
-    np.testing.assert_array_equal(found[0].inlier, found[1].inlier)
 
 
 @settings(max_examples=15, deadline=None)
@@ -288,18 +251,6 @@ def test_an_estimated_outlier_weight_is_that_of_the_data():
     assert result.target_inlier[300:].mean() < 0.2
 
 
-def test_far_outliers_are_refused_or_with_a_weight_ignored():
-    source, target = pair(300)
-    polluted = np.concatenate([target, np.random.default_rng(0).normal(size=(30, 3)) * 2 + 5])
-    with pytest.raises(PointCloudError, match="far outliers"):
-        cpd(source, polluted)
-    errors = [
-        np.square(cKDTree(cpd(source, cloud, outlier_weight=0.1)(source)).query(target)[0]).mean()
-        for cloud in (target, polluted)
-    ]
-    assert errors[1] < 1.1 * errors[0]  # the larger first sigma changes EM's path a little
-
-
 def test_the_callback_sees_each_iteration_and_can_stop():
     source, target = pair()
     seen = []
@@ -320,99 +271,6 @@ def test_each_status_has_one_sentence_of_advice():
     for status in CpdStatus:
         assert status.advice.endswith(".")
         assert status.advice.count(".") == 1
-
-
-def with_value(value):
-    cloud = ellipsoid(50, 0)
-    cloud[7, 1] = value
-    return cloud
-
-
-BAD_CLOUDS = {
-    "NaN": with_value(np.nan),
-    "infinity": with_value(np.inf),
-    "empty": np.zeros((0, 3)),
-    "one point": np.zeros((1, 3)),
-    "one place": np.ones((10, 3)),
-    "two dimensions": ellipsoid(50, 0)[:, :2],
-    "transposed": ellipsoid(50, 0).T,
-    "one axis": np.arange(9.0),
-    "text": np.array([["a", "b", "c"]]),
-    "objects": np.array([None, 1, 2], dtype=object),
-    "complex": ellipsoid(50, 0) + 1j,
-    "millimetres": ellipsoid(50, 0) * 1000,
-    "a kilometre away": ellipsoid(50, 0) + 1000.0,
-}
-
-
-@pytest.mark.parametrize("name", BAD_CLOUDS)
-def test_a_bad_target_is_refused_by_name(name):
-    with pytest.raises(PointCloudError, match="target"):
-        cpd(ellipsoid(60, 1), BAD_CLOUDS[name])
-
-
-@pytest.mark.parametrize(
-    "name", [name for name in BAD_CLOUDS if name not in ("millimetres", "a kilometre away")]
-)
-def test_a_bad_source_is_refused_by_name(name):
-    with pytest.raises(PointCloudError, match="source"):
-        cpd(BAD_CLOUDS[name], ellipsoid(60, 1))
-
-
-GOOD_CLOUDS = {
-    "float32": ellipsoid(80, 0).astype(np.float32),
-    "whole numbers": np.round(ellipsoid(80, 0) * 1000).astype(int),
-    "coplanar": ellipsoid(80, 0) * [1, 1, 0],
-    "collinear": ellipsoid(80, 0) * [0, 0, 1],
-    "duplicates": np.repeat(ellipsoid(20, 0), 4, axis=0),
-    "two points": np.array([[0.0, 0, 0], [0, 0, 0.1]]),
-    "a kilometre away": ellipsoid(80, 0) + 1000.0,
-    "not contiguous": ellipsoid(160, 0)[::2],
-}
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("name", GOOD_CLOUDS)
-def test_unusual_but_sound_clouds_are_registered(name, backend):
-    source = GOOD_CLOUDS[name]
-    size = float(np.ptp(source, axis=0).max())
-    target = source * 1.0 + 0.1 * size
-    result = cpd(source, target, backend=backend)
-    moved = result(source.astype(float))
-    assert np.isfinite(moved).all()
-    assert cKDTree(target).query(moved)[0].max() < 0.02 * size
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("beta", 0.0),
-        ("beta", np.nan),
-        ("lam", -1.0),
-        ("outlier_weight", 1.0),
-        ("outlier_weight", "guess"),
-        ("tolerance", -1.0),
-        ("max_iterations", 0),
-        ("backend", "gpu"),
-        ("align_first", "projective"),
-        ("correspondence_std", 0.0),
-        ("trait_std", -1.0),
-    ],
-)
-def test_an_option_out_of_range_is_refused_by_name(key, value):
-    with pytest.raises(SettingsError, match=key):
-        cpd(*pair(30), **{key: value})
-
-
-@pytest.mark.parametrize("pairs", [[[0, 99]], [[-1, 0]], [[0, 1, 2]], [[0.5, 1.0]]])
-def test_impossible_correspondences_are_refused(pairs):
-    with pytest.raises(PointCloudError, match="correspondences"):
-        cpd(*pair(30), correspondences=np.array(pairs))
-
-
-def test_traits_of_one_cloud_only_are_refused():
-    with pytest.raises(PointCloudError, match="target_traits"):
-        cpd(*pair(30), source_traits=np.zeros((30, 1)))
 
 
 def test_memory_stays_far_below_one_array_of_all_pairs():

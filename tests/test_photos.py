@@ -8,6 +8,7 @@ from PIL import Image
 from grasptransfer.benchmark.photo_summary import summarise_photos
 from grasptransfer.benchmark.photos import PhotoSettings, measure_object, read_photos
 from grasptransfer.benchmark.seen_instances import load_instance, observe_instance
+from grasptransfer.benchmark.tables import rows_table
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.rendering import Renderer
 
@@ -47,6 +48,9 @@ def test_a_photograph_with_a_mesh_is_scored_by_its_shape(folder):
     assert 0.5 < row["rgb"]["silhouette_iou"] <= 1
     assert row["rgb"]["rms_mm"] == pytest.approx(np.sqrt(row["rgb"]["E"]))  # mm and (1e-3 m)^2
     assert row["mask_iou"] > 0.5
+    table = rows_table({"benchmark": "photos", "rows": [row]})
+    assert table is not None
+    assert table.row_count == 1
 
 
 def test_a_photograph_without_a_mesh_is_scored_by_its_size(folder):

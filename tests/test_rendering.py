@@ -37,6 +37,13 @@ def test_depth_belongs_to_pixel_centres_with_an_off_centre_principal_point(rende
     assert np.abs(expected - depth[v, u])[inner].mean() < 5e-5
 
 
+def test_closing_one_renderer_leaves_another_working(renderer):
+    before = renderer.depth(_sphere(), OFF_CENTRE, POSE)
+    with Renderer() as other:
+        np.testing.assert_array_equal(other.depth(_sphere(), OFF_CENTRE, POSE), before)
+    np.testing.assert_array_equal(renderer.depth(_sphere(), OFF_CENTRE, POSE), before)
+
+
 def test_positions_project_back_to_their_pixels(renderer):
     depth = renderer.depth(_sphere(), OFF_CENTRE, POSE)
     positions = position_image(depth, OFF_CENTRE, POSE)

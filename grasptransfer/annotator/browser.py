@@ -52,6 +52,8 @@ def annotate(
         raise SettingsError(
             "the package viser is missing", key="annotate", fix='pip install "grasptransfer[annotate]"'
         ) from error
+    if not 0 < port < 65536:
+        raise SettingsError("must lie between 1 and 65535", key="port", value=port)
     loaded = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
     session = Session(load_category(category), loaded, path=path)
     server = viser.ViserServer(

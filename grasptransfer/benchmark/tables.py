@@ -8,6 +8,8 @@ def rows_table(result: dict) -> Table | None:
     rows = result["rows"]
     if rows and "stage" in rows[0]:
         return _stages_table(rows)
+    if rows and "image" in rows[0]:
+        return _photos_table(rows)
     methods = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_score(value)))
     if not methods:
         return None
@@ -32,6 +34,28 @@ def _stages_table(rows: list[dict]) -> Table:
         cells = (f"{row[key]:.1f}" for key in ("median_ms", "p95_ms", "cold_ms"))
         table.add_row(row["category"], row["stage"], *cells)
     return table
+
+
+def _photos_table(rows: list[dict]) -> Table:
+    """E and the outline's overlap, or the size error where no mesh is known; a photograph a line."""
+    methods = [name for name, value in rows[0].items() if isinstance(value, dict)]
+    table = Table("object", "image", title="E [1e-6 m²] and silhouette IoU, or size error [%]")
+    for name in (*methods, "mask IoU"):
+        table.add_column(name, justify="right")
+    for row in rows:
+        cells = [_photo_cell(row.get(name)) for name in methods]
+        iou = row.get("mask_iou")
+        cells.append("" if iou is None else f"{iou:.2f}")
+        table.add_row(f"{row['category']}/{row['object']}", row["image"].rsplit("/", 1)[-1], *cells)
+    return table
+
+
+def _photo_cell(score: dict | None) -> str:
+    if score is None:
+        return ""
+    if "E" in score:
+        return f"{score['E']:.1f}  {score['silhouette_iou']:.2f}"
+    return f"{100 * score['size_error']:.0f} %"
 
 
 def _is_score(value) -> bool:

@@ -148,7 +148,11 @@ class Category:
         path = self.folder / relative
         if not path.is_file():
             raise CategoryError("is missing", path=path, fix="Restore the file or build the category again")
-        if sha256(path) != self._checksum(relative):
+        try:
+            found = sha256(path)
+        except OSError as cause:
+            raise CategoryError("cannot be read", path=path, fix=str(cause)) from cause
+        if found != self._checksum(relative):
             raise CategoryError(
                 f"is corrupt: its checksum is not the one in {FILE_NAME}",
                 path=path,

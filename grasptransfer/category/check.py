@@ -147,6 +147,9 @@ def _grasp_faults(category: Category) -> Iterator[Fault]:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         yield Fault(path, f"is not valid YAML: {' '.join(str(error).split())}")
         return
+    except OSError as error:
+        yield Fault(path, "cannot be read", str(error))
+        return
     block = data.get("grasptransfer") if isinstance(data, dict) else None
     told = block.get("canonical_sha256") if isinstance(block, dict) else None
     if told is not None and told != category.file.checksums.get(CANONICAL):

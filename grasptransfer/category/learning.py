@@ -1,4 +1,4 @@
-"""From registered instances to a shape space: how many modes, and what they leave of an unseen instance."""
+"""From registered instances to a shape space, and what it leaves of an instance it never saw."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -8,12 +8,11 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from grasptransfer.errors import SettingsError
-from grasptransfer.registration import DeformationField, ShapeSpace
+from grasptransfer.registration import DeformationField, ShapeSpace, latent_fit
+from grasptransfer.registration.kernels import gaussian
 
 FEWEST = 3  # instances behind a shape space
-TRIED_MODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30)
-TOLERANCE = 1.02  # fewest modes within 2 % of the least leave-one-out error,
-NEGLIGIBLE = 0.005  # not counting half a percent of the error without any mode
+SMOOTH = 12  # smooth displacements along each axis, where a space is loosened
 
 
 @dataclass(frozen=True)
@@ -41,52 +40,59 @@ class Distances:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Each instance explained by the shape space of all the others.
+    """One instance explained by the shape space of all the others.
 
     Args:
-        rms: (i,) distance between the control points on its own field and on the space's best [m].
-        fields: of the space's best, in the same order.
+        space: of the others.
+        rms: distance between the control points on the instance's own field and on the space's best [m].
     """
 
-    rms: Float[np.ndarray, "i"]
-    fields: tuple[DeformationField, ...]
-
-    @property
-    def overall(self) -> float:
-        """RMS over all instances [m]."""
-        return float(np.sqrt(np.square(self.rms).mean()))
+    space: ShapeSpace
+    rms: float
 
 
-def leave_one_out(
-    weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, n_modes: int, metric: str
+def leave_out(
+    index: int,
+    weights: Float[np.ndarray, "i n 3"],
+    field: DeformationField,
+    *,
+    n_modes: int,
+    flexibility: float,
+    metric: str,
 ) -> LeftOut:
-    """Fit a shape space to all instances but one, and explain that one by it; in turn.
+    """Fit a shape space to all instances but one, and explain that one's field by it.
 
     Args:
+        index: of the one.
         weights: of each instance's field, normalised units.
         field: any field with the control points, kernel and normaliser of them all.
+        n_modes: learnt from the others.
+        flexibility: see `loosened`.
     """
-    rms, fields = [], []
-    for index in range(len(weights)):
-        space = fit_space(np.delete(weights, index, axis=0), field, n_modes=n_modes, metric=metric)
-        found = space.field(space.encode(weights[index]))
-        own = dataclasses.replace(space.field(), weights=weights[index])
-        points = own.control_points
-        rms.append(np.sqrt(np.square(own(points) - found(points)).sum(1).mean()))
-        fields.append(found)
-    return LeftOut(np.array(rms), tuple(fields))
+    space = fit_space(np.delete(weights, index, axis=0), field, n_modes=n_modes, metric=metric)
+    space = loosened(space, flexibility)
+    own, found = dataclasses.replace(field, weights=weights[index]), space.field(space.encode(weights[index]))
+    points = field.control_points
+    return LeftOut(space, float(np.sqrt(np.square(own(points) - found(points)).sum(1).mean())))
 
 
-def choose_modes(weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, metric: str) -> int:
-    """The fewest modes that explain an unseen instance nearly as well as any number does."""
-    most = len(weights) - 2
-    tried = [modes for modes in TRIED_MODES if modes <= most] or [1]
-    errors = [leave_one_out(weights, field, n_modes=modes, metric=metric).overall for modes in tried]
-    deviations = weights - weights.mean(0)
-    moved = [dataclasses.replace(field, weights=one).displacement(field.control_points) for one in deviations]
-    without = float(np.sqrt(np.square(moved).sum(-1).mean()))
-    enough = TOLERANCE * min(errors) + NEGLIGIBLE * without
-    return next(modes for modes, error in zip(tried, errors, strict=True) if error <= enough)
+def fitted_error(
+    space: ShapeSpace,
+    observed: Float[np.ndarray, "m 3"],
+    *,
+    model: Float[np.ndarray, "p 3"] | None = None,
+    measured: Float[np.ndarray, "q 3"] | None = None,
+) -> float:
+    """E of the shape that the space takes for a cloud of points, of which no field is known (CLS) [m^2].
+
+    Args:
+        observed: points to fit to [m].
+        model: points of the canonical model to measure from; the control points by default [m].
+        measured: points of the instance to measure at; the observed ones by default [m].
+    """
+    model = space.control_points if model is None else model
+    found = space.field(latent_fit(space, observed).latent)
+    return Distances.between(found(model), observed if measured is None else measured).error
 
 
 def fit_space(
@@ -108,6 +114,32 @@ def fit_space(
         field.scale,
         n_modes=n_modes,
         metric=metric,  # pyright: ignore[reportArgumentType]  checked by ShapeSpace
+    )
+
+
+def loosened(space: ShapeSpace, flexibility: float) -> ShapeSpace:
+    """The space with smooth modes beside the learnt ones, for what few instances cannot show.
+
+    Args:
+        space: as it was learnt.
+        flexibility: standard deviation of the displacement that they add along each axis, in RMS radii; with
+            0 the space stays as it is.
+
+    Source: Luethi, Gerig, Jud, Vetter, Gaussian Process Morphable Models, 2018 (sum of a learnt and a
+    smooth kernel); the smooth displacements are the first principal components of the space's own kernel.
+    """
+    if not flexibility:
+        return space
+    points = space.normaliser(space.control_points)
+    count = len(points)
+    values, vectors = np.linalg.eigh(gaussian(points, points, space.beta))
+    values, vectors = values[: -SMOOTH - 1 : -1], vectors[:, : -SMOOTH - 1 : -1]
+    variances = count * flexibility**2 * values / values.sum()  # summed over the control points
+    weights = np.einsum("nr,ij->rinj", vectors * (np.sqrt(variances) / values), np.eye(3))
+    return dataclasses.replace(
+        space,
+        basis=np.concatenate([space.basis, weights.reshape(-1, count, 3)]),
+        variances=np.concatenate([space.variances, np.repeat(variances, 3)]),
     )
 
 

@@ -1,5 +1,6 @@
 """Whether an instance stands the way the canonical model does."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +62,23 @@ def best_turn(canonical: Float[np.ndarray, "n 3"], instance: Float[np.ndarray, "
     best = min(scores, key=lambda turn: (scores[turn], turn))
     degrees = best[0] - 360 if best[0] > 180 else best[0]
     return Turn(degrees, best[1], scores[0, False], scores[best])
+
+
+def agreed_turn(
+    canonical: Float[np.ndarray, "n 3"],
+    instance: Float[np.ndarray, "m 3"],
+    others: Sequence[Float[np.ndarray, "_ 3"]],
+) -> Turn:
+    """The best turn, if it is suspicious against most other instances, too; else the one given.
+
+    Args:
+        others: points of other instances' surfaces [m].
+    """
+    turn = best_turn(canonical, instance)
+    if turn.warning is None:
+        return turn
+    agreeing = sum(best_turn(other, instance).warning is not None for other in others)
+    return turn if 2 * agreeing >= len(others) else Turn(0, False, turn.given_mm, turn.given_mm)
 
 
 def _normalised(points: Float[np.ndarray, "m 3"]) -> tuple[Float[np.ndarray, "m 3"], float]:

@@ -24,7 +24,9 @@ class Registration:
         points: (m, 3) dense points of it [m].
         before, after: distances to the canonical model, as it is and deformed.
         status: of CPD.
-        left_out_rms, left_out_error: of the shape space without it [m], [m^2]; None for test instances.
+        fitted_error: E of the shape space without it, fitted to its points [m^2].
+        left_out_rms: between its own field and the best of the shape space without it [m]; None for test
+            instances, whose field the space never saw anyhow.
     """
 
     name: str
@@ -38,8 +40,8 @@ class Registration:
     before: Distances
     after: Distances
     status: str
+    fitted_error: float
     left_out_rms: float | None = None
-    left_out_error: float | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -66,11 +68,30 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class Trial:
+    """Settings that could be taken, and what shape spaces made with them leave of instances they never saw.
+
+    Args:
+        beta, lam: of CPD.
+        modes: learnt by the shape space.
+        flexibility: of the smooth modes beside them; 0 for none.
+        error: E, mean over the instances left out in turn [m^2].
+    """
+
+    beta: float
+    lam: float
+    modes: int
+    flexibility: float
+    error: float
+
+
+@dataclass(frozen=True)
 class CategoryBuild:
     """A category that was built, and how it went.
 
     Args:
         candidates: best first; empty if the canonical model was given.
+        trials: in the order they were made; empty if all settings were given.
         explained: (k,) share of the variance that the first modes hold together.
         seconds: since the start, or the resumption.
     """
@@ -78,6 +99,7 @@ class CategoryBuild:
     category: Category
     canonical: str
     candidates: tuple[Candidate, ...]
+    trials: tuple[Trial, ...]
     registrations: tuple[Registration, ...]
     explained: Float[np.ndarray, "k"]
     seconds: float

@@ -55,6 +55,8 @@ class Settings(_Strict):
         beta: width of the kernel, in units of the control points' RMS radius.
         lam: smoothness of CPD, or of the fit through known correspondences; written `lambda`.
         modes: number of modes of the shape space.
+        flexibility: of the smooth modes among them, which come last: standard deviation along each axis, in
+            RMS radii; 0 where all are learnt.
         metric: scalar product in which its principal components are taken.
         correspondences: "cpd" (registered), or "exact" (known from a parametric model).
         outlier_weight: of CPD, in [0, 1).
@@ -66,6 +68,7 @@ class Settings(_Strict):
     beta: float = Field(gt=0)
     lam: float = Field(gt=0, alias="lambda")
     modes: int = Field(ge=1)
+    flexibility: float = Field(default=0.0, ge=0)
     metric: Literal["W", "GW", "G"] = "GW"
     correspondences: Literal["cpd", "exact"]
     outlier_weight: float = Field(default=0.0, ge=0, lt=1)

@@ -14,6 +14,7 @@ from grasptransfer.errors import CategoryError, GraspTransferError, MeshError, S
 MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 ENDINGS = (*MESHES, ".pcd", ".xyz")
 LARGEST, SMALLEST = 2.0, 0.005  # m: longest side of anything a gripper handles
+TYPICAL, UNITS = 0.15, {"millimetres": 0.001, "centimetres": 0.01}  # m; metres in one unit
 FEWEST_POINTS = 50
 AXES = {"+x": (1, 0, 0), "+y": (0, 1, 0), "+z": (0, 0, 1)}
 AXES |= {f"-{name[1]}": tuple(-number for number in axis) for name, axis in AXES.items()}
@@ -202,10 +203,11 @@ def _repair(mesh: trimesh.Trimesh, path: Path) -> tuple[trimesh.Trimesh, list[st
 def _check_size(extents: Float[np.ndarray, "3"], scale: float, path: Path) -> None:
     size = float(extents.max())
     if size > LARGEST:
+        unit = min(UNITS, key=lambda unit: abs(np.log(UNITS[unit] * size / TYPICAL)))
         raise MeshError(
-            f"its longest side is {size:.4g} m: it looks like millimetres",
+            f"its longest side is {size:.4g} m: it looks like {unit}",
             path=path,
-            fix=f"Give the unit: --scale {scale * 0.001:g}",
+            fix=f"Give the unit: --scale {scale * UNITS[unit]:g}",
         )
     if size < SMALLEST:
         raise MeshError(

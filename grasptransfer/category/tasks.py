@@ -12,10 +12,11 @@ from grasptransfer.category.assemble import glb_of
 from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
 from grasptransfer.category.learning import (
     Distances,
-    choose_modes,
     explained_variance,
     fit_space,
-    leave_one_out,
+    fitted_error,
+    leave_out,
+    loosened,
 )
 from grasptransfer.category.sources import prepare
 from grasptransfer.category.workshop import Arrays
@@ -24,6 +25,7 @@ from grasptransfer.registration import DeformationField, PreparedSource, cpd
 DENSE_POINTS = 4000  # of an instance, to measure distances by
 TARGET_POINTS = 1000  # of an instance, to register to
 COMPARED_POINTS = 250  # of an instance, to choose the canonical by
+FITTED_POINTS = 600  # of an instance, to fit shape spaces to
 
 
 def prepare_instance(path: str, checksum: str, scale: float, rotation: np.ndarray) -> Arrays:
@@ -93,6 +95,39 @@ def register_instance(
     }
 
 
+def judge(
+    weights: np.ndarray,
+    control_points: np.ndarray,
+    centre: np.ndarray,
+    scale: float,
+    beta: float,
+    metric: str,
+    tried: tuple[tuple[int, float], ...],
+    left_out: tuple[int, ...],
+    clouds: np.ndarray,
+    starts: np.ndarray,
+) -> Arrays:
+    """What shape spaces of several sizes leave of instances they never saw.
+
+    Args:
+        tried: numbers of modes, each with a flexibility.
+        left_out: numbers of the instances to leave out, one at a time.
+        clouds: their points, one after the other, each from `starts[i]` to `starts[i + 1]` [m].
+    """
+    field = DeformationField(control_points, weights[0], beta, centre, scale)
+    errors = [
+        [
+            fitted_error(
+                leave_out(index, weights, field, n_modes=modes, flexibility=flexibility, metric=metric).space,
+                clouds[first:last],
+            )
+            for index, (first, last) in zip(left_out, pairwise(starts), strict=True)
+        ]
+        for modes, flexibility in tried
+    ]
+    return {"errors": np.array(errors)}
+
+
 def learn(
     weights: np.ndarray,
     control_points: np.ndarray,
@@ -100,25 +135,29 @@ def learn(
     scale: float,
     beta: float,
     modes: int,
+    flexibility: float,
     metric: str,
     model: np.ndarray,
-    instances: np.ndarray,
+    clouds: np.ndarray,
     starts: np.ndarray,
 ) -> Arrays:
     """The shape space, and what it leaves of each instance that it did not see.
 
     Args:
-        modes: 0 to choose them by the leave-one-out error.
+        modes: learnt; smooth ones come beside them with a flexibility above 0.
         model: dense points of the canonical model [m].
-        instances: dense points of all, one after the other, each from `starts[i]` to `starts[i + 1]` [m].
+        clouds: dense points of the train instances, then of those the space never sees, one after the
+            other, each from `starts[i]` to `starts[i + 1]` [m].
     """
     field = DeformationField(control_points, weights[0], beta, centre, scale)
-    modes = modes or choose_modes(weights, field, metric=metric)
-    space = fit_space(weights, field, n_modes=modes, metric=metric)
-    left_out = leave_one_out(weights, field, n_modes=min(modes, len(weights) - 2), metric=metric)
-    distances = [
-        Distances.between(found(model), instances[first:last])
-        for found, first, last in zip(left_out.fields, starts[:-1], starts[1:], strict=True)
+    space = loosened(fit_space(weights, field, n_modes=modes, metric=metric), flexibility)
+    alike = {"n_modes": min(modes, len(weights) - 2), "flexibility": flexibility, "metric": metric}
+    without = [leave_out(index, weights, field, **alike) for index in range(len(weights))]
+    spaces = [one.space for one in without] + [space] * (len(starts) - 1 - len(weights))
+    unseen = [clouds[first:last] for first, last in pairwise(starts)]
+    errors = [
+        fitted_error(known, thinned(cloud, FITTED_POINTS), model=model, measured=cloud)
+        for known, cloud in zip(spaces, unseen, strict=True)
     ]
     return {
         "mean": space.mean,
@@ -126,8 +165,8 @@ def learn(
         "variances": space.variances,
         "noise_variance": np.array(space.noise_variance),
         "explained": explained_variance(weights, field, metric=metric),
-        "left_out_rms": left_out.rms,
-        "left_out_error": np.array([one.error for one in distances]),
+        "left_out_rms": np.array([one.rms for one in without]),
+        "fitted_error": np.array(errors),
     }
 
 

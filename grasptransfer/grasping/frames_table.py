@@ -1,6 +1,7 @@
 """The frames of a gripper, as a table and a picture, for people who must agree on them."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +11,8 @@ from grasptransfer.files import replacing
 from grasptransfer.grasping.gripper import Gripper
 
 PICTURES = ("png", "jpg", "svg", "pdf")
+AXES = ("tab:red", "tab:green", "tab:blue")
+HAND, FINGER = np.array([0.78, 0.81, 0.85]), np.array([0.47, 0.56, 0.68])
 AXIS_LENGTH = 0.04  # m, about a finger's length
 
 
@@ -59,32 +62,44 @@ def draw_frames(gripper: Gripper, path: str | Path) -> Path:
     kind = path.suffix[1:].lower()
     if kind not in PICTURES:
         raise SettingsError("names no kind of picture", path=path, value=path.suffix, choices=PICTURES)
-    figure = Figure(figsize=(11, 5.5), layout="constrained")
-    for i, (elevation, azimuth, title) in enumerate(((5, -90, "along -y"), (5, 0, "along -x"))):
-        axes = figure.add_subplot(1, 2, i + 1, projection="3d", proj_type="ortho")
-        _draw(axes, gripper)
-        axes.view_init(elevation, azimuth)
-        axes.set_title(f"{gripper.name}, {gripper.max_width * 1e3:g} mm open, seen {title}")
+    figure = Figure(figsize=(10, 6), layout="constrained")
+    figure.suptitle(f"{gripper.name}, {gripper.max_width * 1e3:g} mm open; axes of the TCP, lengths in mm")
+    front, side = figure.subplots(1, 2, sharey=True)
+    _draw(front, gripper, across=0, name="seen along -y")
+    _draw(side, gripper, across=1, name="seen along +x")
+    front.set_ylabel("z: approach, down")
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=110, format=kind)
     return path
 
 
-def _draw(axes, gripper: Gripper) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+def _draw(axes: Any, gripper: Gripper, *, across: int, name: str) -> None:
+    """One side view: TCP axis `across` to the right, z down."""
+    from matplotlib.collections import PolyCollection
 
-    light = np.array([0.35, -0.75, 0.55])
-    upright = np.array([1.0, -1.0, -1.0])  # half a turn about x: the approach points down in the picture
+    look = np.cross(np.eye(3)[across], [0.0, 0.0, 1.0])  # right x down = forward
     meshes = gripper.link_meshes(gripper.max_width, visual=True)
-    for i, mesh in enumerate(meshes.values()):
-        shade = (0.55 + 0.45 * np.abs((mesh.face_normals * upright) @ light)).clip(0, 1)
-        colour = np.array([0.75, 0.78, 0.82] if i == 0 else [0.45, 0.5, 0.56])
-        axes.add_collection3d(Poly3DCollection(mesh.triangles * upright, facecolors=shade[:, None] * colour))
-    for direction, colour in zip(np.eye(3) * AXIS_LENGTH * upright, ("red", "green", "blue"), strict=True):
-        axes.plot(*np.stack([np.zeros(3), direction]).T, color=colour, linewidth=2.5, zorder=10)
-    corners = np.concatenate([mesh.bounds for mesh in meshes.values()]) * upright
-    low, high = np.minimum(corners.min(axis=0), -AXIS_LENGTH), corners.max(axis=0)
-    half, centre = (high - low).max() / 2, (low + high) / 2
-    axes.set(**{f"{name}lim": (centre[i] - half, centre[i] + half) for i, name in enumerate("xyz")})
-    axes.set(xlabel="x [m]", zlabel="-z [m]", xticks=[-0.05, 0, 0.05], yticks=[], zticks=[0, 0.05, 0.1])
-    axes.set_box_aspect((1, 1, 1))
+    pads = {pad.link for pad in gripper.pads}
+    corners, colours, depths = [], [], []
+    for link, mesh in meshes.items():
+        facing = mesh.face_normals @ look < 0
+        shade = 0.55 + 0.45 * np.abs(mesh.face_normals[facing] @ [0.25, 0.25, 0.93])
+        shade = np.maximum(shade, 0.55 + 0.35 * np.abs(mesh.face_normals[facing] @ look))
+        corners.append(mesh.triangles[facing][:, :, [across, 2]] * 1e3)
+        colours.append(shade[:, None] * (FINGER if link in pads else HAND))
+        depths.append(mesh.triangles_center[facing] @ look)
+    nearest_last = np.argsort(-np.concatenate(depths), kind="stable")
+    filled = np.concatenate(colours)[nearest_last]
+    axes.add_collection(
+        PolyCollection(np.concatenate(corners)[nearest_last], facecolors=filled, edgecolors=filled)
+    )
+    for axis, colour, label in ((across, AXES[across], "xyz"[across]), (2, AXES[2], "z")):
+        tip = np.array([AXIS_LENGTH, 0.0] if axis == across else [0.0, AXIS_LENGTH]) * 1e3
+        axes.annotate("", tip, (0, 0), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.5})
+        axes.annotate(label, tip, (6, 6), textcoords="offset points", color=colour, fontsize=13)
+    low, high = np.min([mesh.bounds[0] for mesh in meshes.values()], axis=0) * 1e3, AXIS_LENGTH * 1e3
+    reach = max(np.abs([mesh.bounds[:, across] for mesh in meshes.values()]).max() * 1e3, high) + 15
+    axes.set(xlim=(-reach, reach), ylim=(high + 15, low[2] - 15), aspect="equal", title=name)
+    axes.set_xlabel(f"{'xyz'[across]}{': closing' if across == 0 else ''}")
+    axes.grid(alpha=0.3)
+    axes.set_axisbelow(True)

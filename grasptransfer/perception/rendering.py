@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -79,12 +80,28 @@ def position_image(
     return positions.astype(np.float32)
 
 
+def _keep_display(platform: Any) -> None:
+    """Let a closing renderer destroy its own context only: all of a process share one EGL display."""
+    if not hasattr(platform, "_egl_context"):
+        return
+
+    def delete_context() -> None:
+        from OpenGL.EGL import eglDestroyContext
+
+        if platform._egl_context is not None:
+            eglDestroyContext(platform._egl_display, platform._egl_context)
+            platform._egl_context = None
+
+    platform.delete_context = delete_context
+
+
 class Renderer:
-    """Keeps one OpenGL context and the uploaded meshes warm. One per process; use as a context manager."""
+    """Keeps one OpenGL context and the uploaded meshes warm; use as a context manager."""
 
     def __init__(self):
         pyrender = _pyrender()
         self._context = pyrender.OffscreenRenderer(64, 64)
+        _keep_display(self._context._platform)
         self._stages: dict[int, tuple[object, _Stage]] = {}
 
     def __enter__(self) -> "Renderer":

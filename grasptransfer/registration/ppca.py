@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from grasptransfer.errors import SettingsError
+
 EM_ITERATIONS = 500
 EM_TOLERANCE = 1e-8
 
@@ -43,6 +45,23 @@ class ExpectationMaximisation:
     loading: Float[np.ndarray, "k d"]
     variances: Float[np.ndarray, "k"]
     noise_variance: float
+
+
+def count_modes(features: Float[np.ndarray, "i d"], n_modes: int | None) -> int:
+    """`n_modes`, or the fewest modes that hold 99 % of the variance.
+
+    Raises:
+        SettingsError: more modes than the instances allow.
+    """
+    most = min(len(features) - 1, features.shape[1])
+    if n_modes is None:
+        share = np.cumsum(fit_closed(features, most).variances)
+        return int(np.searchsorted(share, 0.99 * share[-1]) + 1) if share[-1] > 0 else 1
+    if not 1 <= n_modes <= most:
+        raise SettingsError(
+            f"must be between 1 and {most}, one less than the instances", key="n_modes", value=n_modes
+        )
+    return int(n_modes)
 
 
 def fit_closed(features: Float[np.ndarray, "i d"], n_modes: int) -> ClosedForm:

@@ -29,7 +29,7 @@ from grasptransfer.registration.clouds import Normaliser, check_points
 from grasptransfer.registration.field import DeformationField, positive
 from grasptransfer.registration.kernels import LowRankKernel, compress, gaussian_times, pivoted_cholesky
 from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
-from grasptransfer.registration.ppca import fit_closed, fit_em
+from grasptransfer.registration.ppca import count_modes, fit_closed, fit_em
 from grasptransfer.registration.storage import load_arrays, save_arrays
 
 KIND = "shape space"
@@ -119,7 +119,7 @@ class ShapeSpace:
         if observed is not None and (method != "em" or metric == "G"):
             raise SettingsError('needs method "em" and metric "GW" or "W"', key="observed")
         features = np.stack([empty._features(one).ravel() for one in weights])
-        n_modes = _count_modes(features, n_modes)
+        n_modes = count_modes(features, n_modes)
         if method == "closed":
             closed = fit_closed(features, n_modes)
             mean = weights.mean(0)
@@ -294,16 +294,3 @@ def _check_weights(weights, observed) -> Float[np.ndarray, "i n 3"]:
     if not np.isfinite(weights).all():
         raise PointCloudError("holds NaN or infinity", key="weights")
     return weights
-
-
-def _count_modes(features: Float[np.ndarray, "i d"], n_modes: int | None) -> int:
-    """`n_modes`, or the fewest modes that hold 99 % of the variance."""
-    most = min(len(features) - 1, features.shape[1])
-    if n_modes is None:
-        share = np.cumsum(fit_closed(features, most).variances)
-        return int(np.searchsorted(share, 0.99 * share[-1]) + 1) if share[-1] > 0 else 1
-    if not 1 <= n_modes <= most:
-        raise SettingsError(
-            f"must be between 1 and {most}, one less than the instances", key="n_modes", value=n_modes
-        )
-    return int(n_modes)

@@ -8,6 +8,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from grasptransfer.errors import GraspTransferError
 from grasptransfer.report.progress import progress_bar
 
 Positional = tyro.conf.Positional
@@ -48,8 +49,17 @@ def check(category: Positional[Path]) -> int:
         category: name or folder.
     """
     from grasptransfer.category import check_category, load_category
+    from grasptransfer.category.category import GRASPS
+    from grasptransfer.grasping import load_grasps
 
-    faults = check_category(category if category.is_dir() else load_category(str(category)).folder)
+    folder = category if category.is_dir() else load_category(str(category)).folder
+    found = check_category(folder)
+    faults = [str(fault) for fault in found]
+    if (folder / GRASPS).is_file() and folder / GRASPS not in [fault.path for fault in found]:
+        try:
+            load_grasps(folder / GRASPS)
+        except GraspTransferError as error:
+            faults.append(str(error))
     for fault in faults:
         console.print(f"fault: {fault}", soft_wrap=True)
     console.print("no fault" if not faults else f"{len(faults)} fault{'s' * (len(faults) > 1)}")

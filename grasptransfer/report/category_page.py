@@ -7,6 +7,7 @@ import numpy as np
 import trimesh
 
 from grasptransfer.category.category import Category
+from grasptransfer.category.learning import SMOOTH
 from grasptransfer.category.outcome import CategoryBuild, Registration
 from grasptransfer.category.pictures import picture, scatter
 from grasptransfer.files import write_whole
@@ -37,7 +38,7 @@ def category_page(build: CategoryBuild, path: str | Path) -> Path:
     category = build.category
     style = (Path(__file__).with_name("page.css")).read_text(encoding="utf-8") + _STYLE
     title = f"Category {escape(category.name)}"
-    parts = [_head(build), _candidates(build), _registrations(build), _modes(category)]
+    parts = [_head(build), _candidates(build), _trials(build), _registrations(build), _modes(category)]
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head>'
@@ -55,12 +56,60 @@ def _head(build: CategoryBuild) -> str:
         ("instances", f"{len(category.train)} train, {len(category.test)} test"),
         ("kernel", f"beta {settings.beta:g}, lambda {settings.lam:g}"),
         ("control points", str(settings.control_points)),
-        ("modes", f"{settings.modes}: {100 * measured['explained_variance']:.1f} % of the variance"),
-        ("leave one out", f"{measured['leave_one_out_rms_mm']:.2f} mm RMS"),
+        ("modes", _modes_in_words(build)),
+        ("leave one out", _left_out_in_words(measured)),
         ("built in", f"{build.seconds:.0f} s"),
     ]
     warnings = "".join(f'<p class="warning">{escape(text)}</p>' for text in build.warnings)
     return f"<header><h1>Category {escape(category.name)}</h1>{facts(values)}{warnings}</header>"
+
+
+def _modes_in_words(build: CategoryBuild) -> str:
+    settings = build.category.settings
+    smooth = 3 * SMOOTH if settings.flexibility else 0
+    share = 100 * build.category.file.measured["explained_variance"]
+    beside = f", and {smooth} smooth ones of flexibility {settings.flexibility:g}" if smooth else ""
+    return f"{settings.modes - smooth} with {share:.4g} % of the variance{beside}"
+
+
+def _left_out_in_words(measured: dict) -> str:
+    mean, spread, worst = (measured[f"leave_one_out_error{kind}_um2"] for kind in ("", "_std", "_worst"))
+    return f"E {mean:.1f} &plusmn; {spread:.1f}, worst {worst:.1f}"
+
+
+def _trials(build: CategoryBuild) -> str:
+    settings = build.category.settings
+    if not build.trials:
+        return ""
+    shown = {}
+    for one in sorted(build.trials, key=lambda one: one.error, reverse=True):
+        shown[one.beta, one.lam, one.flexibility] = one  # the last is the best number of modes
+    taken = shown[settings.beta, settings.lam, settings.flexibility]
+    heads = [
+        ("beta", True),
+        ("lambda", True),
+        ("modes", True),
+        ("flexibility", True),
+        ("E", True),
+        ("", False),
+    ]
+    rows = [
+        (
+            f"{one.beta:g}",
+            f"{one.lam:g}",
+            str(one.modes),
+            f"{one.flexibility:g}",
+            _e(one.error),
+            pill("taken", "good") if one == taken else "",
+        )
+        for one in sorted(shown.values(), key=lambda one: (one.beta, one.lam, one.flexibility))
+    ]
+    lead = (
+        "Instances were left out in turn, and the shape space of the others was fitted to their points. "
+        "E is what was left, on average, with the best number of modes. <i>Flexibility</i> is of smooth "
+        "modes beside the learnt ones."
+    )
+    return section("Settings", lead, table(heads, rows))
 
 
 def _candidates(build: CategoryBuild) -> str:
@@ -118,8 +167,8 @@ def _registration(category: Category, canonical: trimesh.Trimesh, one: Registrat
     ]
     size = " x ".join(f"{1000 * side:.0f}" for side in one.extents)
     words = [f"{size} mm", f"{one.faces} faces" if not one.is_cloud else "cloud", *one.notes]
-    if one.left_out_rms is not None:
-        words.append(f"left out: {1000 * one.left_out_rms:.2f} mm RMS, E {_e(one.left_out_error or 0.0)}")
+    seen_by = "the others' shape space" if not one.test else "the shape space"
+    words.append(f"{seen_by} fitted to its points: E {_e(one.fitted_error)}")
     marks = pill("test", "neutral") if one.test else ""
     if one.status != "CONVERGED":
         marks += pill(one.status.lower().replace("_", " "), "neutral")

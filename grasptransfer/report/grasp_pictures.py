@@ -30,7 +30,7 @@ HIDDEN_BY = 0.002  # m that a point may lie behind the surface and still count a
 
 @dataclass(frozen=True)
 class _Scout:
-    """A view from around the object and the depth of the bare object in it."""
+    """A view from around the object and the depth, without a gripper, in it."""
 
     azimuth: float
     elevation: float
@@ -110,6 +110,7 @@ class GraspPictures:
         self.object = painted(mesh, OBJECT)
         object_from_camera = np.eye(4) if camera_from_object is None else invert(camera_from_object)
         self.surroundings = _surroundings(scene, object_from_camera)
+        self.blocking = together([self.object, *self.surroundings])
         self.scouts = [self._scout(azimuth, elevation) for elevation in ELEVATIONS for azimuth in AZIMUTHS]
         to_camera = object_from_camera[:3, 3]
         photographed = camera_from_object is not None
@@ -140,7 +141,7 @@ class GraspPictures:
     def _scout(self, azimuth: float, elevation: float) -> _Scout:
         width, height = SCOUT
         view = fitted_view([self.object], azimuth, elevation, width=width, height=height, margin=2.5)
-        depth = self.studio.renderer.depth(self.object, view.camera, view.camera_from_object)
+        depth = self.studio.renderer.depth(self.blocking, view.camera, view.camera_from_object)
         return _Scout(azimuth, elevation, view, depth)
 
     def _clarity(self, scout: _Scout, grasp: DrawnGrasp) -> float:
@@ -160,7 +161,7 @@ class GraspPictures:
 
     @staticmethod
     def _seen(scout: _Scout, points: Float[np.ndarray, "m 3"]) -> float:
-        """Share of the points that the bare object does not hide."""
+        """Share of the points that neither the object nor an obstacle hides."""
         points_camera = transform_points(scout.view.camera_from_object, points)
         pixels = np.round(scout.view.camera.project(points_camera)).astype(int)
         height, width = scout.depth.shape

@@ -1,0 +1,227 @@
+"""What a build chooses by measuring: the canonical model, then the settings of its shape space."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.category.outcome import Candidate, Trial
+from grasptransfer.category.tasks import (
+    COMPARED_POINTS,
+    FITTED_POINTS,
+    compare_candidate,
+    judge,
+    register_instance,
+    thinned,
+)
+from grasptransfer.category.workshop import Arrays, Workshop
+from grasptransfer.errors import SettingsError
+
+# Narrower kernels and less smoothness leave less of the instances they register, and more of others.
+BETAS, LAMBDAS = (1.0, 2.0), (3.0, 10.0)
+MODES = (1, 2, 3, 5, 8, 12, 18, 25)
+FLEXIBILITIES = (0.02, 0.04, 0.08)
+TOLERANCE = 1.02  # fewest modes, least flexibility within 2 % of the least error
+LEFT_OUT = 12  # instances at most, evenly picked, to judge settings by
+
+
+@dataclass(frozen=True)
+class Options:
+    """How instances are registered and the shape space is learnt.
+
+    Args:
+        beta: kernel width of CPD; None to choose it. lam: its smoothness, likewise.
+        outlier_weight: of CPD, in [0, 1).
+        modes: learnt by the shape space; None to choose their number.
+        flexibility: of the smooth modes beside them; None to choose it.
+        metric: of the principal components: "GW", "G" or "W".
+        control_points: about how many.
+    """
+
+    beta: float | None
+    lam: float | None
+    outlier_weight: float
+    modes: int | None
+    flexibility: float | None
+    metric: str
+    control_points: int
+
+    def __post_init__(self):
+        for key, smallest in (("modes", 1), ("control_points", 50)):
+            value = getattr(self, key)
+            if value is not None and value < smallest:
+                raise SettingsError(f"must be at least {smallest}", key=key, value=value)
+        for key in ("beta", "lam"):
+            value = getattr(self, key)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise SettingsError("must be above 0", key=key, value=value)
+
+        if self.flexibility is not None and not 0 <= self.flexibility <= 1:
+            raise SettingsError("must be between 0 and 1", key="flexibility", value=self.flexibility)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is nothing to choose."""
+        return None not in (self.beta, self.lam, self.modes, self.flexibility)
+
+    @property
+    def first_beta(self) -> float:
+        """What is given, or the first that is tried."""
+        return BETAS[0] if self.beta is None else self.beta
+
+    @property
+    def first_lam(self) -> float:
+        """What is given, or the first that is tried."""
+        return LAMBDAS[0] if self.lam is None else self.lam
+
+    def kernels(self) -> list[tuple[float, float]]:
+        """Every beta with every lambda that is to be tried."""
+        betas = BETAS if self.beta is None else (self.beta,)
+        return [(beta, lam) for beta in betas for lam in (LAMBDAS if self.lam is None else (self.lam,))]
+
+
+def choose_canonical(workshop: Workshop, train: dict[str, Arrays], options: Options) -> tuple[Candidate, ...]:
+    """Every train instance registered to every other, best first."""
+    small = {name: thinned(arrays["points"], COMPARED_POINTS) for name, arrays in train.items()}
+    given = {}
+    for name in train:
+        others = [small[other] for other in train if other != name]
+        given[name] = {
+            "candidate": small[name],
+            "others": np.concatenate(others),
+            "starts": starts_of(others),
+        }
+        given[name] |= {"beta": options.first_beta, "lam": options.first_lam}
+    compared = workshop.map("choose canonical", compare_candidate, given)
+    candidates = [
+        Candidate(
+            name,
+            float(arrays["chamfer"].mean()),
+            float(arrays["chamfer"].max()),
+            float(arrays["moved"].mean()),
+            bool(train[name]["is_cloud"]),
+        )
+        for name, arrays in compared.items()
+    ]
+    return tuple(sorted(candidates, key=lambda one: (one.is_cloud, one.chamfer, one.name)))
+
+
+def register(
+    workshop: Workshop,
+    instances: dict[str, Arrays],
+    canonical: str,
+    control: Float[np.ndarray, "n 3"],
+    model: Float[np.ndarray, "p 3"],
+    options: Options,
+) -> dict[tuple[str, float, float], Arrays]:
+    """CPD from the canonical model to every instance, with every kernel and smoothness to be tried."""
+    given, keys = {}, {}
+    for beta, lam in options.kernels():
+        for name, arrays in instances.items():
+            keys[f"{name}-{beta:g}-{lam:g}"] = (name, beta, lam)
+            given[f"{name}-{beta:g}-{lam:g}"] = {
+                "control_points": control,
+                "model": model,
+                "instance": arrays["points"],
+                "beta": beta,
+                "lam": lam,
+                "outlier_weight": options.outlier_weight,
+                "is_canonical": name == canonical,
+            }
+    found = workshop.map("register", register_instance, given)
+    return {keys[text]: arrays for text, arrays in found.items()}
+
+
+def choose_settings(
+    workshop: Workshop,
+    train: dict[str, Arrays],
+    registered: dict[tuple[str, float, float], Arrays],
+    control: Float[np.ndarray, "n 3"],
+    options: Options,
+) -> tuple[Options, tuple[Trial, ...]]:
+    """Leave instances out in turn and fit the shape space of the others to their points, as one sees them.
+
+    Returns:
+        options: with beta, lambda and modes filled in.
+        trials: all that was measured.
+    """
+    most = len(train) - 2  # of a space without one instance
+    tried = {n for n in (*MODES, most) if n <= most} if options.modes is None else {min(options.modes, most)}
+    first = options.flexibility or 0.0
+    judged = _Judged(workshop, train, registered, control, options.metric)
+    trials = judged(options.kernels(), [(modes, first) for modes in sorted(tried)])
+    best = best_trial(trials)
+    if options.flexibility is None:
+        trials += judged(options.kernels(), [(best.modes, more) for more in FLEXIBILITIES])
+        best = best_trial([one for one in trials if one.modes == best.modes])
+    # Where as many modes as can be tried are best, all instances together give one more.
+    modes = options.modes or (best.modes + 1 if best.modes == most else best.modes)
+    chosen = {"beta": best.beta, "lam": best.lam, "modes": modes, "flexibility": best.flexibility}
+    return dataclasses.replace(options, **chosen), trials
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Leaves instances out and measures what spaces of the others leave of their points."""
+
+    workshop: Workshop
+    train: dict[str, Arrays]
+    registered: dict[tuple[str, float, float], Arrays]
+    control: Float[np.ndarray, "n 3"]
+    metric: str
+
+    def __call__(
+        self, kernels: list[tuple[float, float]], tried: list[tuple[int, float]]
+    ) -> tuple[Trial, ...]:
+        names = list(self.train)
+        left_out = np.unique(np.linspace(0, len(names) - 1, LEFT_OUT).round().astype(int))
+        clouds = [thinned(self.train[names[index]]["points"], FITTED_POINTS) for index in left_out]
+        given = {}
+        for beta, lam in kernels:
+            fields = fields_of(self.train, self.registered, self.control, beta, lam)
+            given[f"beta {beta:g}, lambda {lam:g}"] = fields | {
+                "metric": self.metric,
+                "tried": tuple(tried),
+                "left_out": tuple(left_out.tolist()),
+                "clouds": np.concatenate(clouds),
+                "starts": starts_of(clouds),
+            }
+        judged = self.workshop.map("choose settings", judge, given)
+        return tuple(
+            Trial(beta, lam, *sizes, float(errors.mean()))
+            for (beta, lam), arrays in zip(kernels, judged.values(), strict=True)
+            for sizes, errors in zip(tried, arrays["errors"], strict=True)
+        )
+
+
+def best_trial(trials: Sequence[Trial]) -> Trial:
+    """The least error; of that kernel and smoothness, the tightest space that comes near it."""
+    least = min(trials, key=lambda one: one.error)
+    same = [one for one in trials if (one.beta, one.lam) == (least.beta, least.lam)]
+    near = [one for one in same if one.error <= TOLERANCE * least.error]
+    return min(near, key=lambda one: (one.flexibility, one.modes))
+
+
+def fields_of(
+    train: dict[str, Arrays],
+    registered: dict[tuple[str, float, float], Arrays],
+    control: Float[np.ndarray, "n 3"],
+    beta: float,
+    lam: float,
+) -> dict[str, object]:
+    """The registered fields of all train instances, as the tasks take them."""
+    first = registered[next(iter(train)), beta, lam]
+    return {
+        "weights": np.stack([registered[name, beta, lam]["weights"] for name in train]),
+        "control_points": control,
+        "centre": first["centre"],
+        "scale": float(first["scale"]),
+        "beta": beta,
+    }
+
+
+def starts_of(clouds: Sequence[Float[np.ndarray, "_ 3"]]) -> np.ndarray:
+    """Where each of several clouds starts, once they lie one after the other; and the end."""
+    return np.cumsum([0, *(len(cloud) for cloud in clouds)])

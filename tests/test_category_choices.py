@@ -1,0 +1,114 @@
+"""What a build chooses by measuring: settings, and what smooth modes add to a shape space."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from vases import cloud
+
+from grasptransfer.category.build import build_category
+from grasptransfer.category.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial
+from grasptransfer.category.learning import SMOOTH, fit_space, fitted_error, leave_out, loosened
+from grasptransfer.category.outcome import Trial
+from grasptransfer.registration import DeformationField
+from grasptransfer.report.category_page import category_page
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "08_settings_from_clouds.py"
+
+
+@pytest.fixture(scope="module")
+def points():
+    return np.random.default_rng(0).normal(scale=0.05, size=(50, 3))
+
+
+@pytest.fixture(scope="module")
+def weights():
+    """Of twelve fields that two modes span, but for a little noise."""
+    rng = np.random.default_rng(1)
+    modes = rng.normal(scale=0.05, size=(2, 50, 3))
+    return np.einsum("ik,knc->inc", rng.normal(size=(12, 2)), modes) + 1e-5 * rng.normal(size=(12, 50, 3))
+
+
+def test_a_left_out_instance_shows_the_true_number_of_modes(points, weights):
+    field = DeformationField.identity(points, beta=1.0)
+    one, two, three = (
+        [
+            leave_out(index, weights, field, n_modes=modes, flexibility=0.0, metric="GW").rms
+            for index in range(12)
+        ]
+        for modes in (1, 2, 3)
+    )
+    assert np.mean(two) < 0.01 * np.mean(one)
+    assert np.mean(three) > 0.5 * np.mean(two)
+
+
+def test_a_space_fitted_to_the_points_of_its_own_shape_leaves_little(points, weights):
+    space = fit_space(weights, DeformationField.identity(points, beta=1.0), n_modes=2, metric="GW")
+    shape = space.field(np.array([1.0, -0.5]))(points)
+    assert fitted_error(space, shape) < 1e-3 * np.square(shape - points).sum(1).mean()
+
+
+def test_smooth_modes_move_every_axis_by_the_flexibility(points, weights):
+    space = fit_space(weights, DeformationField.identity(points, beta=1.0), n_modes=2, metric="GW")
+    loose = loosened(space, 0.05)
+    assert loose.n_modes == 2 + 3 * SMOOTH
+    assert np.array_equal(loose.basis[:2], space.basis)
+    _, basis = loose.displacement_model(points)
+    along = np.sqrt(np.square(basis[:, :, 2:]).sum(2).mean(0))
+    assert np.allclose(along, 0.05 * space.scale, rtol=1e-6)
+    assert np.allclose(np.square(basis / space.scale).sum((0, 1))[2:], loose.variances[2:])
+    assert loosened(space, 0.0) is space
+
+
+def test_the_least_error_wins_unless_a_tighter_space_comes_within_two_percent():
+    few, many = Trial(1.0, 3.0, 4, 0.0, 1.01), Trial(1.0, 3.0, 8, 0.0, 1.00)
+    worse, other = Trial(1.0, 3.0, 2, 0.0, 1.03), Trial(2.0, 3.0, 1, 0.0, 1.005)
+    assert best_trial([many, few, worse, other]) == few
+    loose = Trial(1.0, 3.0, 4, 0.04, 0.90)
+    assert best_trial([many, few, loose]) == loose
+    assert best_trial([few, Trial(1.0, 3.0, 4, 0.04, 1.00)]) == few
+
+
+@pytest.fixture(scope="module")
+def clouds(tmp_path_factory):
+    """Five vases and one for the test, as clouds with their front along +y."""
+    folder = tmp_path_factory.mktemp("clouds")
+    sizes = [(0.10, 0.050), (0.12, 0.055), (0.14, 0.050), (0.13, 0.060), (0.11, 0.058), (0.125, 0.052)]
+    for number, (height, width) in enumerate(sizes):
+        place = folder / ("test" if number == 5 else "train")
+        place.mkdir(exist_ok=True)
+        x, y, z = cloud(height, width, 200).T
+        np.savetxt(place / f"vase_{number}.xyz", np.stack([-y, x, z], -1))
+    return folder
+
+
+def test_the_settings_of_the_best_trial_are_taken_and_shown(clouds, tmp_path):
+    built = build_category(
+        "vase",
+        meshes=clouds,
+        front="+y",
+        canonical="vase_1",
+        out=tmp_path / "v",
+        workers=1,
+        control_points=60,
+    )
+    settings, trials = built.category.settings, built.trials
+    assert {(one.beta, one.lam) for one in trials} == {(beta, lam) for beta in BETAS for lam in LAMBDAS}
+    assert {one.flexibility for one in trials} == {0.0, *FLEXIBILITIES}
+    taken = [
+        one
+        for one in trials
+        if (one.beta, one.lam, one.flexibility) == (settings.beta, settings.lam, settings.flexibility)
+    ]
+    assert min(one.error for one in taken) <= 1.02 * min(one.error for one in trials)
+    assert settings.modes == built.category.shape_space.n_modes
+    assert category_page(built, tmp_path / "page.html").read_text().count("taken") == 1
+
+
+def test_chosen_settings_leave_less_than_raw_metres(clouds, tmp_path, capsys):
+    main = runpy.run_path(str(EXAMPLE))["main"]
+    arguments = [str(clouds), "--front", "+y", "--workers", "1", "--out", str(tmp_path)]
+    means = main(arguments)
+    assert 0 < means["chosen"] < means["raw metres"]
+    assert "vase_5" in capsys.readouterr().out

@@ -1,0 +1,86 @@
+"""A build that is killed, at any moment, resumes and gives the same bytes."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from vases import SMALL, write_vases
+
+from grasptransfer.category.build import build_category
+
+# Killed as a machine would: no clean-up of its own. `write` is killed with the older folder in its hands.
+KILLED = """
+import os, signal, sys
+from grasptransfer.category import assemble
+from grasptransfer.category.build import build_category
+from vases import SMALL
+
+def die(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def between(staging, folder, replaced):
+    os.replace(folder, replaced)
+    die()
+
+if __name__ == "__main__":
+    meshes, out, step = sys.argv[1:]
+    if step == "write":
+        assemble._put_in_place = between
+    progress = lambda state: die() if state.step == step == "register" and state.done == 2 else None
+    build_category("vase", meshes=meshes, test=["e"], out=out, overwrite=True, progress=progress, **SMALL)
+"""
+
+
+@pytest.fixture(scope="module")
+def meshes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("vases")
+    write_vases(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(meshes, tmp_path_factory):
+    out = tmp_path_factory.mktemp("undisturbed") / "vase"
+    return build_category("vase", meshes=meshes, test=["e"], out=out, **SMALL).category.folder
+
+
+def run_until_killed(meshes: Path, out: Path, step: str) -> None:
+    script = out.parent.parent / f"{step}.py"
+    script.write_text(KILLED)
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path}
+    command = [sys.executable, str(script), str(meshes), str(out), step]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_build_killed_half_way_resumes_and_gives_the_same_bytes(meshes, undisturbed, tmp_path):
+    out = tmp_path / "out" / "vase"
+    out.parent.mkdir()
+    run_until_killed(meshes, out, "register")
+    assert not out.exists()
+    seen = []
+    build_category("vase", meshes=meshes, test=["e"], out=out, progress=seen.append, **SMALL)
+    first = {step: next(one for one in seen if one.step == step) for step in ("check", "register")}
+    assert first["check"].done == 5
+    assert first["register"].done >= 2
+    assert contents(out) == contents(undisturbed)
+    assert [path.name for path in out.parent.iterdir()] == ["vase"]
+
+
+def test_a_build_killed_while_it_replaces_a_category_loses_neither(meshes, undisturbed, tmp_path):
+    out = tmp_path / "out" / "vase"
+    out.mkdir(parents=True)
+    (out / "grasps.yaml").write_text("grasps: mine\n")
+    run_until_killed(meshes, out, "write")
+    assert not out.exists()
+    build_category("vase", meshes=meshes, test=["e"], out=out, **SMALL)
+    assert contents(out) == {**contents(undisturbed), "grasps.yaml": b"grasps: mine\n"}
+    assert [path.name for path in out.parent.iterdir()] == ["vase"]

@@ -1,0 +1,53 @@
+"""The E-step alone: boxes out of reach are skipped, and nothing else."""
+
+import numpy as np
+import pytest
+
+from grasptransfer.registration.blocks import BLOCK, spatial_order
+from grasptransfer.registration.expectation import EStep
+
+BACKENDS = ["compiled", "numpy"]
+AXES = np.array([0.05, 0.04, 0.1])
+
+
+def ellipsoid(count: int, seed: int) -> np.ndarray:
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=1)[:, None] * AXES
+
+
+def bent(points: np.ndarray) -> np.ndarray:
+    return points * [1.2, 0.9, 1.1] + 0.01 * np.sin(30 * points[:, [1, 2, 0]])
+
+
+def pair(count: int = 150, *, seed: int = 0, target_count: int | None = None):
+    return ellipsoid(count, seed), bent(ellipsoid(target_count or count, seed + 1000))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("spread", [1.0, 0.1, 0.02, 0.003])
+def test_the_expectation_is_that_of_all_pairs(backend, spread):
+    source, target = (cloud / 0.07 for cloud in pair(333, target_count=257))
+    source = source[spatial_order(source, BLOCK)]
+    squared = np.square(source[:, None] - target).sum(2)
+    closeness = np.exp((squared.min(0) - squared) / (2 * spread**2))
+    matches = closeness / closeness.sum(0)
+    with EStep(target, len(source), backend=backend, threads=1) as expect:
+        for moved in (source + 0.05, source):  # the bounds of the first call must hold for the second
+            found = expect(moved, spread**2)
+    np.testing.assert_allclose(found.support, matches.sum(1), atol=2e-4)
+    np.testing.assert_allclose(found.moment, matches @ target, atol=2e-4)
+    assert found.squared == pytest.approx((matches * squared).sum(), rel=1e-4)
+    likelihood = np.log(closeness.sum(0)) - squared.min(0) / (2 * spread**2)
+    assert found.log_likelihood == pytest.approx(likelihood.sum(), rel=1e-4, abs=1e-3)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_threads_do_not_change_the_expectation(backend):
+    source, target = (cloud / 0.07 for cloud in pair(1000))
+    source = source[spatial_order(source, BLOCK)]
+    found = []
+    for threads in (1, 2):
+        with EStep(target, len(source), backend=backend, threads=threads) as expect:
+            found.append(expect(source, 0.01))
+    np.testing.assert_allclose(found[0].moment, found[1].moment, atol=1e-4)  # float32 sums
+    np.testing.assert_array_equal(found[0].inlier, found[1].inlier)
