@@ -42,9 +42,11 @@ def _card(weights: Path, config: TrainingConfig, scores: dict[str, float], run_f
         f"Network `{config.network}` ({parameters / 1e6:.1f} M parameters, stored in half precision) for: "
         f"{', '.join(config.categories)}.",
         "",
-        "- **Input**: observed RGB and its box, canonical coordinates and mask, zoomed to 256 x 192.",
-        "- **Output**: offset of each visible canonical point, its flow in the picture, the scale of both "
-        "errors, and the object's mask.",
+        "- **Input**: observed RGB and its box, coordinates and mask of the model as assumed so far (pose and "
+        "latent), zoomed to 256 x 192.",
+        "- **Output**: offset of each visible point of the model, its flow in the picture, the object's mask, "
+        "what the assumed latent lacks, each with the scale of its error; whether the object is of the "
+        "category.",
         f"- **Data**: {config.samples} pictures of random parametric shapes, rendered with random cameras, "
         "lights, materials and pose errors; backgrounds, occluders and camera faults are drawn anew in every "
         "batch. No photograph and no scan was used.",

@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 from grasptransfer.camera import Camera
 from grasptransfer.perception.silhouette import Silhouette
 
-# Neighbouring cells err together: all cells count as much as this many independent ones.
-INDEPENDENT_CELLS = 10.0
+# Neighbouring cells err together, and much of what they say the latent prior from the same picture has
+# said already: all cells count as much as this many independent ones.
+INDEPENDENT_CELLS = 0.6
 ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
 TAIL = 3.0  # degrees of freedom of the pose prior, a Student t distribution
