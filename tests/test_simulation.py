@@ -375,6 +375,19 @@ def test_a_recording_follows_the_object_from_the_approach_to_the_end():
     assert "recording" not in result.as_data()
 
 
+def test_a_film_is_written_for_each_recorded_trial(tmp_path):
+    from PIL import Image
+
+    from grasptransfer.report.movie import save_movies
+
+    trials = simulate(GRASPS, BOX, frames=5)
+    paths = save_movies(trials, BOX, PANDA, tmp_path / "films")
+    assert [path.name for path in paths] == ["middle_0.gif", "end_0.gif"]
+    with Image.open(paths[0]) as film:
+        assert 5 <= film.n_frames <= len(trials[0].recording.seconds)
+    assert save_movies(simulate(GRASPS, BOX), BOX, PANDA, tmp_path / "films") == []  # nothing recorded
+
+
 def test_the_wilson_interval_is_the_published_one():
     # Newcombe, "Two-sided confidence intervals for the single proportion", 1998: 81 of 263.
     assert wilson_interval(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
