@@ -8,9 +8,9 @@ Frames: `object` is the seen instance in its category's axes, `gripper` the TCP 
 
 from __future__ import annotations
 
-import logging
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,11 +18,13 @@ import numpy as np
 import trimesh
 
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import CategoryError, NotSucceeded, SettingsError
+from grasptransfer.errors import CategoryError, NotSucceeded
 from grasptransfer.grasping import (
     CollisionWorld,
+    GraspCheck,
     Gripper,
     Scene,
+    WarpedGrasp,
     check_grasps,
     expand_symmetry,
     load_grasps,
@@ -31,111 +33,27 @@ from grasptransfer.grasping import (
     refine_grasps,
     warp_grasps,
 )
+from grasptransfer.perception.estimators import ESTIMATORS, make_estimator
 from grasptransfer.registration import DeformationField
 from grasptransfer.registration import register_pair as pair_fields
 from grasptransfer.registration.field import FieldPair
+from grasptransfer.result import TransferredGrasp, TransferResult
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
+    from jaxtyping import Float
 
-    from grasptransfer.grasping import CheckStatus
-    from grasptransfer.perception.estimate import EstimateStatus, Estimator, ShapeEstimate
+    from grasptransfer.perception.estimate import Estimator, ShapeEstimate
     from grasptransfer.perception.observation import Observation
 
-ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
-logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class TransferredGrasp:
-    """An annotated grasp on the seen instance.
-
-    Args:
-        name, label: as annotated; members of a symmetry family carry their turn in the name.
-        camera_from_gripper: (4, 4) TCP in the camera frame [m].
-        object_from_gripper: (4, 4) TCP in the object frame [m].
-        canonical_from_gripper: (4, 4) the annotated TCP [m].
-        width: distance between the pads when they touch [m].
-        opening: distance between the pads on the way in [m].
-        score: expected success in [0, 1].
-        status: outcome of the checks; `usable` says whether to execute it.
-        reason: one sentence.
-        contacts: (2, 3) points under the -x and the +x pad, object frame [m]; None where they are not known.
-    """
-
-    name: str
-    label: str
-    camera_from_gripper: Float[np.ndarray, "4 4"]
-    object_from_gripper: Float[np.ndarray, "4 4"]
-    canonical_from_gripper: Float[np.ndarray, "4 4"]
-    width: float
-    opening: float
-    score: float
-    status: CheckStatus
-    reason: str
-    approach_distance: float
-    confidence: float
-    contacts: Float[np.ndarray, "2 3"] | None = None
-
-    @property
-    def usable(self) -> bool:
-        """Whether it passed every check."""
-        return self.status.usable
-
-
-@dataclass(frozen=True)
-class TransferResult:
-    """All grasps on the seen instance, and the instance itself.
-
-    Args:
-        grasps: best first; those that failed a check come last and say why.
-        mesh: reconstruction of the instance, object frame [m].
-        field: canonical to object; `field(points)` warps (m, 3) canonical points [m].
-        camera_from_object: (4, 4) the pose, refined where the estimator does that.
-        latent, latent_covariance: shape-space coordinates and their posterior covariance, or None.
-        mask: (h, w) predicted pixels of the object, or None.
-        category_score: 1 = fits the category, 0 = does not.
-        status: outcome of the shape estimate.
-        timings: seconds per stage.
-    """
-
-    grasps: tuple[TransferredGrasp, ...]
-    mesh: trimesh.Trimesh
-    field: DeformationField
-    camera_from_object: Float[np.ndarray, "4 4"]
-    latent: Float[np.ndarray, k] | None
-    latent_covariance: Float[np.ndarray, "k k"] | None
-    mask: Bool[np.ndarray, "h w"] | None
-    category_score: float
-    status: EstimateStatus
-    timings: dict[str, float]
-    category: Category
-    gripper: Gripper
-    observation: Observation
-    scene: Scene | None
-
-    @property
-    def usable(self) -> tuple[TransferredGrasp, ...]:
-        """The grasps that passed every check, best first."""
-        return tuple(grasp for grasp in self.grasps if grasp.usable)
-
-    def to_isaac_grasp(self, path: str | Path) -> Path:
-        """Write the usable grasps as isaac_grasp YAML, object frame, TCP."""
-        from grasptransfer.report.result_files import write_isaac_grasp
-
-        return write_isaac_grasp(self, Path(path))
-
-    def save(self, folder: str | Path) -> Path:
-        """Write grasps.yaml, reconstruction.glb, field.npz and result.yaml into `folder`."""
-        from grasptransfer.report.result_files import save_result
-
-        return save_result(self, Path(folder))
-
-    def report(self, path: str | Path, *, trials=None) -> Path:
-        """Write a self-contained HTML page: picture, reconstruction, deformation, every grasp and why."""
-        from grasptransfer.report.page import write_page
-
-        return write_page(self, Path(path), trials=trials)
+__all__ = [
+    "ESTIMATORS",
+    "GraspTransfer",
+    "TransferResult",
+    "TransferredGrasp",
+    "reconstruct",
+    "register_pair",
+    "transfer_grasps",
+]
 
 
 class GraspTransfer:
@@ -166,7 +84,7 @@ class GraspTransfer:
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
         self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))
-        self.estimator = _make_estimator(estimator, self.category, refine_pose, device)
+        self.estimator = make_estimator(estimator, self.category, refine_pose=refine_pose, device=device)
         self.seed = seed
 
     def transfer(
@@ -207,37 +125,12 @@ class GraspTransfer:
         lap("refine")
         checks = check_grasps(refined, world, self.gripper, latent=estimate.latent)
         lap("check")
-        scores = rank_grasps(
-            refined,
-            checks,
-            self.gripper,
-            category=self.category,
-            estimate=estimate,
-            mesh=mesh,
-            seed=self.seed,
-        )
+        known = {"category": self.category, "estimate": estimate, "mesh": mesh, "seed": self.seed}
+        scores = rank_grasps(refined, checks, self.gripper, **known)
         lap("rank")
-        grasps = [
-            TransferredGrasp(
-                name=grasp.name,
-                label=grasp.label,
-                camera_from_gripper=pose @ grasp.object_from_gripper,
-                object_from_gripper=grasp.object_from_gripper,
-                canonical_from_gripper=grasp.canonical_from_gripper,
-                width=grasp.width,
-                opening=check.opening,
-                score=score,
-                status=check.status,
-                reason=check.reason,
-                approach_distance=grasp.approach_distance,
-                confidence=grasp.confidence,
-                contacts=grasp.contacts,
-            )
-            for grasp, check, score in zip(refined, checks, scores, strict=True)
-        ]
-        grasps.sort(key=lambda grasp: (not grasp.usable, -grasp.score))
+        grasps = _transferred(refined, checks, scores, pose)
         return TransferResult(
-            grasps=tuple(grasps),
+            grasps=tuple(sorted(grasps, key=lambda grasp: (not grasp.usable, -grasp.score))),
             mesh=mesh,
             field=estimate.field,
             camera_from_object=pose,
@@ -318,29 +211,30 @@ def reconstruct(category: Category, field: DeformationField) -> trimesh.Trimesh:
     return mesh
 
 
-def _make_estimator(
-    estimator: str | Estimator, category: Category, refine_pose: bool, device: str
-) -> Estimator:
-    if callable(estimator):
-        return estimator
-    from grasptransfer.perception import baselines, rgb
-
-    if estimator == "rgb":
-        return rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-    if estimator == "rgbd":
-        from grasptransfer.perception.rgbd import RgbdEstimator
-
-        first = rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-        return RgbdEstimator(category, first, first.renderer, refine_pose)
-    if estimator == "cls":
-        return baselines.ClsEstimator(category, refine_pose=refine_pose)
-    if estimator == "cpd":
-        return baselines.CpdEstimator(category)
-    if estimator == "similarity":
-        return baselines.SimilarityEstimator(category)
-    if estimator == "rigid":
-        return baselines.RigidEstimator(category)
-    raise SettingsError("unknown estimator", key="estimator", value=estimator, choices=ESTIMATORS)
+def _transferred(
+    refined: Sequence[WarpedGrasp],
+    checks: Sequence[GraspCheck],
+    scores: Sequence[float],
+    camera_from_object: Float[np.ndarray, "4 4"],
+) -> list[TransferredGrasp]:
+    return [
+        TransferredGrasp(
+            name=grasp.name,
+            label=grasp.label,
+            camera_from_gripper=camera_from_object @ grasp.object_from_gripper,
+            object_from_gripper=grasp.object_from_gripper,
+            canonical_from_gripper=grasp.canonical_from_gripper,
+            width=grasp.width,
+            opening=check.opening,
+            score=score,
+            status=check.status,
+            reason=check.reason,
+            approach_distance=grasp.approach_distance,
+            confidence=grasp.confidence,
+            contacts=grasp.contacts,
+        )
+        for grasp, check, score in zip(refined, checks, scores, strict=True)
+    ]
 
 
 def _grasp_file(category: Category) -> Path:
