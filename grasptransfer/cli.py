@@ -22,7 +22,7 @@ from grasptransfer.report.command_line import demo, simulate, transfer
 from grasptransfer.report.progress import progress_bar
 
 if TYPE_CHECKING:
-    from grasptransfer.perception.training import Progress
+    from grasptransfer.perception.training import Progress, TrainingConfig
 
 Positional = tyro.conf.Positional
 console = Console(markup=False)
@@ -62,9 +62,8 @@ def train(
         workers: rendering processes.
     """
     from grasptransfer.category import list_categories, load_category
-    from grasptransfer.perception.model_card import default_output, write_card
+    from grasptransfer.perception.model_card import default_output
     from grasptransfer.perception.training import TrainingConfig
-    from grasptransfer.perception.training import train as run_training
 
     counts = {"samples": samples, "steps": steps, "batch": batch, "echo": echo, "workers": workers}
     _check_training(network, loss, counts)
@@ -80,10 +79,19 @@ def train(
         learning_rate=learning_rate,
         seed=seed,
     )
-    output = output or default_output(names)
+    _train_with_progress(config, output or default_output(names), run, device, workers)
+    return 0
+
+
+def _train_with_progress(
+    config: "TrainingConfig", output: Path, run: Path, device: str, workers: int
+) -> None:
+    from grasptransfer.perception.model_card import write_card
+    from grasptransfer.perception.training import train as run_training
+
     with progress_bar(console) as progress:
         rendering = progress.add_task("rendering", total=None)
-        training = progress.add_task("training", total=steps)
+        training = progress.add_task("training", total=config.steps)
         scores = run_training(
             config,
             run_folder=run,
@@ -97,7 +105,6 @@ def train(
         )
     card = write_card(output, config, scores, run)
     console.print(f"Weights: {output}\nModel card: {card}\n{scores}", soft_wrap=True)
-    return 0
 
 
 def _check_training(network: str, loss: str, counts: dict[str, int]) -> None:

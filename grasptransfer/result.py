@@ -1,4 +1,4 @@
-"""What a transfer returns: every grasp on the seen instance with its reason, and the instance itself."""
+"""What a transfer gives: the seen instance, and every grasp on it with its verdict."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+import trimesh
+
 if TYPE_CHECKING:
-    import numpy as np
-    import trimesh
     from jaxtyping import Bool, Float
 
     from grasptransfer.category import Category
@@ -75,7 +76,7 @@ class TransferResult:
     mesh: trimesh.Trimesh
     field: DeformationField
     camera_from_object: Float[np.ndarray, "4 4"]
-    latent: Float[np.ndarray, k] | None
+    latent: Float[np.ndarray, " k"] | None
     latent_covariance: Float[np.ndarray, "k k"] | None
     mask: Bool[np.ndarray, "h w"] | None
     category_score: float

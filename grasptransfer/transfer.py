@@ -8,9 +8,9 @@ Frames: `object` is the seen instance in its category's axes, `gripper` the TCP 
 
 from __future__ import annotations
 
-import logging
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import CategoryError, NotSucceeded, SettingsError
+from grasptransfer.errors import CategoryError, NotSucceeded
 from grasptransfer.grasping import (
     CollisionWorld,
     GraspCheck,
@@ -34,17 +34,27 @@ from grasptransfer.grasping import (
     refine_grasps,
     warp_grasps,
 )
+from grasptransfer.perception.estimators import ESTIMATORS, make_estimator
 from grasptransfer.registration import DeformationField
 from grasptransfer.registration import register_pair as pair_fields
 from grasptransfer.registration.field import FieldPair
 from grasptransfer.result import TransferredGrasp, TransferResult
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+
     from grasptransfer.perception.estimate import Estimator, ShapeEstimate
     from grasptransfer.perception.observation import Observation
 
-ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
-logger = logging.getLogger(__name__)
+__all__ = [
+    "ESTIMATORS",
+    "GraspTransfer",
+    "TransferResult",
+    "TransferredGrasp",
+    "reconstruct",
+    "register_pair",
+    "transfer_grasps",
+]
 
 
 class GraspTransfer:
@@ -75,7 +85,7 @@ class GraspTransfer:
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
         self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))
-        self.estimator = _make_estimator(estimator, self.category, refine_pose, device)
+        self.estimator = make_estimator(estimator, self.category, refine_pose=refine_pose, device=device)
         self.seed = seed
 
     def transfer(
@@ -100,40 +110,14 @@ class GraspTransfer:
     ) -> TransferResult:
         """Warp, refine, check and rank the grasps on an estimated shape."""
         reached = self.reach(estimate, scene=scene)
-        start = time.perf_counter()
-        scores = rank_grasps(
-            reached.grasps,
-            reached.checks,
-            self.gripper,
-            category=self.category,
-            estimate=estimate,
-            mesh=reached.mesh,
-            seed=self.seed,
-        )
+        start, pose = time.perf_counter(), estimate.camera_from_object
+        known = {"category": self.category, "estimate": estimate, "mesh": reached.mesh, "seed": self.seed}
+        scores = rank_grasps(reached.grasps, reached.checks, self.gripper, **known)
         checks = doubt_unlikely(reached.checks, scores)
         timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
-        pose = estimate.camera_from_object
-        grasps = [
-            TransferredGrasp(
-                name=grasp.name,
-                label=grasp.label,
-                camera_from_gripper=pose @ grasp.object_from_gripper,
-                object_from_gripper=grasp.object_from_gripper,
-                canonical_from_gripper=grasp.canonical_from_gripper,
-                width=grasp.width,
-                opening=check.opening,
-                score=score,
-                status=check.status,
-                reason=check.reason,
-                approach_distance=grasp.approach_distance,
-                confidence=grasp.confidence,
-                contacts=grasp.contacts,
-            )
-            for grasp, check, score in zip(reached.grasps, checks, scores, strict=True)
-        ]
-        grasps.sort(key=lambda grasp: (not grasp.usable, -grasp.score))
+        grasps = _transferred(reached.grasps, checks, scores, pose)
         return TransferResult(
-            grasps=tuple(grasps),
+            grasps=tuple(sorted(grasps, key=lambda grasp: (not grasp.usable, -grasp.score))),
             mesh=reached.mesh,
             field=estimate.field,
             camera_from_object=pose,
@@ -251,29 +235,30 @@ def reconstruct(category: Category, field: DeformationField) -> trimesh.Trimesh:
     return mesh
 
 
-def _make_estimator(
-    estimator: str | Estimator, category: Category, refine_pose: bool, device: str
-) -> Estimator:
-    if callable(estimator):
-        return estimator
-    from grasptransfer.perception import baselines, rgb
-
-    if estimator == "rgb":
-        return rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-    if estimator == "rgbd":
-        from grasptransfer.perception.rgbd import RgbdEstimator
-
-        first = rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-        return RgbdEstimator(category, first, first.renderer, refine_pose)
-    if estimator == "cls":
-        return baselines.ClsEstimator(category, refine_pose=refine_pose)
-    if estimator == "cpd":
-        return baselines.CpdEstimator(category)
-    if estimator == "similarity":
-        return baselines.SimilarityEstimator(category)
-    if estimator == "rigid":
-        return baselines.RigidEstimator(category)
-    raise SettingsError("unknown estimator", key="estimator", value=estimator, choices=ESTIMATORS)
+def _transferred(
+    refined: Sequence[WarpedGrasp],
+    checks: Sequence[GraspCheck],
+    scores: Sequence[float],
+    camera_from_object: Float[np.ndarray, "4 4"],
+) -> list[TransferredGrasp]:
+    return [
+        TransferredGrasp(
+            name=grasp.name,
+            label=grasp.label,
+            camera_from_gripper=camera_from_object @ grasp.object_from_gripper,
+            object_from_gripper=grasp.object_from_gripper,
+            canonical_from_gripper=grasp.canonical_from_gripper,
+            width=grasp.width,
+            opening=check.opening,
+            score=score,
+            status=check.status,
+            reason=check.reason,
+            approach_distance=grasp.approach_distance,
+            confidence=grasp.confidence,
+            contacts=grasp.contacts,
+        )
+        for grasp, check, score in zip(refined, checks, scores, strict=True)
+    ]
 
 
 def _grasp_file(category: Category) -> Path:

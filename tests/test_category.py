@@ -280,3 +280,14 @@ def test_large_textures_shrink_and_become_jpeg(tmp_path):
     (loaded,) = load_scene(tmp_path / "box.glb").geometry.values()
     image = loaded.visual.material.baseColorTexture
     assert (image.size, image.format) == ((512, 256), "JPEG")
+
+
+def test_checking_from_the_command_line_reads_the_grasps_too(boxes, capsys):
+    from grasptransfer.report.category_command_line import check
+
+    boxes.grasps_path.write_text("format: isaac_grasp\nformat_version: 1.0\ngrasps: {}\n")
+    assert check(boxes.folder) == 2
+    printed = capsys.readouterr().out
+    assert "grasps.yaml" in printed
+    assert "object_frame: is missing" in printed
+    assert "1 fault" in printed

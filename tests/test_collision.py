@@ -11,6 +11,7 @@ from grasptransfer.grasping.closing import close_pads
 from grasptransfer.grasping.collision import CheckStatus, check_grasps
 from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.gripper import load_gripper
+from grasptransfer.grasping.parallel_jaw import ParallelJaw
 from grasptransfer.grasping.scene import Scene, load_scene
 from grasptransfer.grasping.surface import Surface
 from grasptransfer.grasping.warping import on_canonical, warp_grasps
@@ -197,6 +198,20 @@ def test_every_gripper_grasps_a_box(name):
     result = check(grasp_from_above(), gripper=load_gripper(name))
     assert result.usable
     assert result.width == pytest.approx(0.03, abs=1e-6)
+
+
+def test_a_grasp_goes_to_another_gripper_by_its_tcp_or_is_too_wide_for_it(tmp_path):
+    narrow = load_gripper(ParallelJaw("narrow", max_opening=0.04).write(tmp_path))
+    grasp = grasp_from_above(width=0.05, opening=0.07)
+    for gripper in (PANDA, *(load_gripper(name) for name in ("robotiq_2f85", "wsg50", "parallel_jaw"))):
+        found = check(grasp, box(0.05), gripper=gripper)
+        assert found.usable
+        # The pads meet the same two faces, half a pad's height around the same TCP.
+        np.testing.assert_allclose(found.contacts[:, 0], [-0.025, 0.025], atol=1e-6)
+        assert abs(found.contacts[:, 2].mean() - 0.04) < gripper.pads[0].size[1] / 2
+    refused = check(grasp, box(0.05), gripper=narrow)
+    assert refused.status is CheckStatus.TOO_WIDE
+    assert refused.reason == "the object is 50 mm wide here; narrow opens 40 mm"
 
 
 def test_closing_meets_a_sphere_where_geometry_says():

@@ -4,7 +4,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.frames import rigid, rotation_angle
-from grasptransfer.grasping.collision import check_grasps
+from grasptransfer.grasping.collision import CheckStatus, check_grasps
 from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.gripper import load_gripper
 from grasptransfer.grasping.ranking import rank_grasps
@@ -99,14 +99,26 @@ def test_rotations_stay_in_so3_and_a_batch_refines_as_one_by_one():
         np.testing.assert_allclose(alone.object_from_gripper, grasp.object_from_gripper, atol=1e-12)
 
 
-def test_refinement_keeps_clear_of_obstacles():
-    wall = trimesh.creation.box(extents=(0.005, 0.2, 0.2))
-    # 6 mm of room beside the bar, less than the finger's 14.4 mm: the bar's end is free of the wall.
-    scene = Scene((("wall", wall, rigid(np.eye(3), np.array([0.0, -0.1, 0.0]))),))
-    start = on((0, 0.0, 0.015))
-    _, (check,) = refined(start, scene=scene)
-    assert check.obstacle in (None, "wall")
-    assert check.usable == (check.obstacle is None)
+def placed(name, size, centre):
+    return Scene(((name, trimesh.creation.box(extents=size), rigid(np.eye(3), np.array(centre))),))
+
+
+def test_refinement_moves_a_finger_off_an_obstacle():
+    # A post beside the bar, where the outer finger goes: 4 mm along the bar it ends.
+    scene = placed("post", (0.02, 0.044, 0.06), (0.035, -0.028, 0.0))
+    before = check_grasps(on(), CollisionWorld(BAR, scene), PANDA)[0]
+    assert before.status is CheckStatus.IN_COLLISION
+    assert before.obstacle == "post"
+    assert refined(on(), scene=scene)[1][0].usable
+
+
+def test_refinement_frees_the_whole_way_in():
+    # At the grasp the hand is below the beam; on its way it grazes the beam's edge by 3 mm.
+    scene = placed("beam", (0.4, 0.1, 0.02), (0.0, -0.078, 0.19))
+    before = check_grasps(on(), CollisionWorld(BAR, scene), PANDA)[0]
+    assert before.status is CheckStatus.BLOCKED_APPROACH
+    assert before.obstacle == "beam"
+    assert refined(on(), scene=scene)[1][0].usable
 
 
 def score(grasps, mesh=BAR, seed=0):

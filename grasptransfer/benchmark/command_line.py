@@ -37,6 +37,21 @@ def cpd(
     )
 
 
+def latent_fit(*, data: Path, json: Path, modes: int = 5, repeats: int = 3) -> int:
+    """Error and time of shape-space fits to whole clouds, against the predecessor's objective.
+
+    Args:
+        data: folder of clouds (pcd, xyz) in one frame, metres: train/ and test/.
+        json: file for the results.
+        modes: of the shape space.
+        repeats: of each measurement; their median counts.
+    """
+    from grasptransfer.benchmark.latent_fit import LatentFitSettings, run_latent_fit_benchmark
+
+    settings = LatentFitSettings(data, modes, repeats=repeats)
+    return _bench(lambda tick: run_latent_fit_benchmark(settings, progress=tick), json)
+
+
 def registration(
     *,
     json: Path,
@@ -146,6 +161,7 @@ def glass(
     categories: tuple[str, ...] = ("bottle", "spray_bottle"),
     views: int = 20,
     through: float = 0.5,
+    gate: bool = True,
     weights: Path | None = None,
     workers: int = 2,
     seed: int = 0,
@@ -157,6 +173,7 @@ def glass(
         categories: names; instances without see-through parts are left out.
         views: of the 74 viewpoints, spread evenly.
         through: share of the unmeasured glass where the camera reports what lies behind, not a hole.
+        gate: leave out depth that is too far from the told position to be the object's.
         weights: file for rgb instead of the shipped ones.
         workers: processes.
         seed: of lights, backgrounds and the camera's noise.
@@ -164,7 +181,7 @@ def glass(
     from grasptransfer.benchmark.glass import GlassSettings, run_glass_benchmark
     from grasptransfer.perception.depth_sensor import DepthSensor
 
-    settings = GlassSettings(categories, views, seed, DepthSensor(through=through), weights=weights)
+    settings = GlassSettings(categories, views, seed, DepthSensor(through=through), gate, weights=weights)
     return _bench(
         lambda tick: run_glass_benchmark(settings, workers=workers, ledger=_ledger(json), progress=tick), json
     )
@@ -362,6 +379,7 @@ def _trained(categories: tuple[str, ...]) -> tuple[str, ...]:
 
 COMMANDS: dict[str, Callable[..., Any]] = {
     "cpd": cpd,
+    "latent-fit": latent_fit,
     "registration": registration,
     "pose-noise": pose_noise,
     "glass": glass,

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass
-from statistics import median
 
 import numpy as np
 import psutil
@@ -107,38 +106,46 @@ def run_cpd_benchmark(
 def _measure(names: list[str], clouds: Clouds, settings: CpdSettings) -> list[dict]:
     """One row for each implementation; full runs take turns."""
     estimates = {name: _estimate(name, clouds, settings) for name in names}
-    full = [name for name in names if name in OURS or estimates[name] <= settings.longest]
-    seconds: dict[str, list[float]] = {name: [] for name in full}
+    full = [name for name in names if name in OURS or estimates[name][0] <= settings.longest]
+    taken: dict[str, list[np.ndarray]] = {name: [] for name in full}
     errors: dict[str, float] = {}
     for _ in range(settings.repeats):
         for name in full:
-            start = time.perf_counter()
-            moved = _register(name, clouds, settings, settings.iterations)
-            seconds[name].append(time.perf_counter() - start)
+            moved, seconds = _timed(name, clouds, settings, settings.iterations)
+            taken[name].append(seconds)
             errors[name] = clouds.error(moved)
-    return [
-        {
-            "implementation": name,
-            "n": len(clouds.source),
-            "seconds": median(seconds[name]) if name in full else estimates[name],
-            "E": errors.get(name),
-            "extrapolated": name not in full,
-            "all_seconds": seconds.get(name, []),
-            "memory_mb": _peak_memory(name, len(clouds.source), settings),
-        }
-        for name in names
-    ]
+    rows = []
+    for name in names:
+        wall, cpu = np.median(taken[name], axis=0) if name in full else estimates[name]
+        rows.append(
+            {
+                "implementation": name,
+                "n": len(clouds.source),
+                "seconds": float(wall),
+                "cpu_seconds": float(cpu),
+                "E": errors.get(name),
+                "extrapolated": name not in full,
+                "all_seconds": [float(seconds[0]) for seconds in taken.get(name, [])],
+                "memory_mb": _peak_memory(name, len(clouds.source), settings),
+            }
+        )
+    return rows
 
 
-def _estimate(name: str, clouds: Clouds, settings: CpdSettings) -> float:
+def _estimate(name: str, clouds: Clouds, settings: CpdSettings) -> Float[np.ndarray, "2"]:
     """Seconds of a full run, from two short ones."""
-    short = []
-    for iterations in PROBE:
-        start = time.perf_counter()
-        _register(name, clouds, settings, iterations)
-        short.append(time.perf_counter() - start)
-    each = max(short[1] - short[0], 0.0) / (PROBE[1] - PROBE[0])
-    return short[1] + each * (settings.iterations - PROBE[1])
+    first, second = (_timed(name, clouds, settings, iterations)[1] for iterations in PROBE)
+    each = np.maximum(second - first, 0.0) / (PROBE[1] - PROBE[0])
+    return second + each * (settings.iterations - PROBE[1])
+
+
+def _timed(
+    name: str, clouds: Clouds, settings: CpdSettings, iterations: int
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "2"]]:
+    """Moved points; seconds by the clock, and of all cores together, which other work hardly changes."""
+    start = np.array([time.perf_counter(), time.process_time()])
+    moved = _register(name, clouds, settings, iterations)
+    return moved, np.array([time.perf_counter(), time.process_time()]) - start
 
 
 def _register(name: str, clouds: Clouds, settings: CpdSettings, iterations: int) -> Float[np.ndarray, "n 3"]:
@@ -214,6 +221,8 @@ def _summary(rows: list[dict], peers: list[str]) -> dict:
                 continue
             summary[f"speedup_vs_{peer}_n{size}"] = row["seconds"] / ours["seconds"]
             summary[f"speedup_numpy_vs_{peer}_n{size}"] = row["seconds"] / plain["seconds"]
+            summary[f"cpu_ratio_vs_{peer}_n{size}"] = row["cpu_seconds"] / ours["cpu_seconds"]
+            summary[f"cpu_ratio_numpy_vs_{peer}_n{size}"] = row["cpu_seconds"] / plain["cpu_seconds"]
             if row["E"] is not None:
                 summary[f"error_ratio_vs_{peer}_n{size}"] = ours["E"] / row["E"]
     extrapolated = [f"{row['implementation']} n={row['n']}" for row in rows if row["extrapolated"]]

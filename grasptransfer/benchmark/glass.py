@@ -14,6 +14,7 @@ from grasptransfer.benchmark.instance_pool import measure_instances
 from grasptransfer.benchmark.registration import Judge
 from grasptransfer.benchmark.registration_summary import MethodScores
 from grasptransfer.benchmark.seen_instances import Sight, instance_names, load_instance, see_instance
+from grasptransfer.category import Category
 from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
 from grasptransfer.perception.observation import Observation
@@ -21,6 +22,7 @@ from grasptransfer.perception.rendering import Renderer
 
 WALL = (0.05, 0.40)  # m behind the object
 USE_DEPTH = ("cls", "cpd", "rgbd")
+GATE = 1.5  # times the canonical model's radius
 RIGHT = 0.01  # m: nearer to the truth a depth counts as measured
 
 
@@ -33,6 +35,8 @@ class GlassSettings:
         views: of the 74, spread evenly.
         seed: of lights, backgrounds, walls and the sensor.
         sensor: the depth camera.
+        gate: leave out depth that cannot be the object's, too far from the told position: what a careful
+            user of CPD and CLS does.
         methods: estimators; those that use depth are measured on true and on sensed depth.
         weights: file for `rgb`; None takes the shipped ones.
     """
@@ -41,6 +45,7 @@ class GlassSettings:
     views: int = 20
     seed: int = 0
     sensor: DepthSensor = field(default_factory=DepthSensor)
+    gate: bool = True
     methods: tuple[str, ...] = ("rgb", "rgbd", "cls", "cpd")
     weights: Path | None = None
 
@@ -91,6 +96,8 @@ def measure_glass(settings: GlassSettings, category: str, name: str) -> dict:
         for view in range(settings.views):
             sight = see_instance(instance, view, views=settings.views, renderer=renderer, seed=settings.seed)
             sensed = sense(sight, settings, view)
+            if settings.gate:
+                sensed = _gated(sensed, instance.category)
             for key, value in _shares(sight, sensed).items():
                 shares[key].append(value)
             for key, (method, observation) in _cases(settings, sight.observation, sensed).items():
@@ -128,6 +135,14 @@ def sense(sight: Sight, settings: GlassSettings, view: int) -> Observation:
         told.depth, sight.coverage.astype(float), wall, camera=told.camera, rng=rng, path=path
     )
     return replace(told, depth=depth)
+
+
+def _gated(sensed: Observation, category: Category) -> Observation:
+    """Without depth farther from the object's position than any instance reaches."""
+    reach = GATE * float(np.linalg.norm(category.canonical.extents)) / 2
+    assert sensed.depth is not None
+    away = np.abs(sensed.depth - sensed.camera_from_object[2, 3])
+    return replace(sensed, depth=np.where(away < reach, sensed.depth, 0.0))
 
 
 def _cases(

@@ -9,6 +9,7 @@ from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.surface import Surface
 
 RAYS = 5  # per pad side: 25 rays, 4.5 mm apart on a Panda's pad
+SIDE = np.array([-1.0, 1.0])  # of the two pads along the TCP's x
 TOUCH = 0.001  # m behind the first hit that a soft pad also touches
 
 
@@ -45,6 +46,18 @@ def _pad_grid(gripper: Gripper) -> Float[np.ndarray, "2 r 2"]:
     return np.stack([cells * pad.size for pad in gripper.pads])
 
 
+def _ray_starts(
+    gripper: Gripper, opening: Float[np.ndarray, "g"], heights: Float[np.ndarray, "g 2"]
+) -> Float[np.ndarray, "g 2 r 3"]:
+    """Where the rays leave the opened pads, TCP frame [m]."""
+    grid = _pad_grid(gripper)
+    starts = np.empty((len(opening), *grid.shape[:2], 3))
+    starts[..., 0] = (opening[:, None] / 2 * SIDE)[:, :, None]
+    starts[..., 1:] = grid
+    starts[..., 2] += heights[..., None]
+    return starts
+
+
 def close_pads(
     surface: Surface,
     object_from_gripper: Float[np.ndarray, "g 4 4"],
@@ -60,46 +73,38 @@ def close_pads(
         opening: distance between the pads at the start [m].
         expected: about how wide the object is [m]: a linkage moves its pads along z as it closes.
     """
-    grid = _pad_grid(gripper)
-    count, rays = len(object_from_gripper), grid.shape[1]
     heights = gripper.pad_heights(opening if expected is None else expected)
+    starts = _ray_starts(gripper, opening, heights)
+    count, _, rays, _ = starts.shape
     rotation, position = object_from_gripper[:, :3, :3], object_from_gripper[:, :3, 3]
-    side = np.array([-1.0, 1.0])
-    starts = np.empty((count, 2, rays, 3))
-    starts[..., 0] = (opening[:, None] / 2 * side)[:, :, None]
-    starts[..., 1:] = grid
-    starts[..., 2] += heights[..., None]
     origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
-    inward = -side[None, :, None] * rotation[:, None, :, 0]
+    inward = -SIDE[None, :, None] * rotation[:, None, :, 0]
     directions = np.broadcast_to(inward[:, :, None], origins.shape)
-    distance, faces = surface.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
-    distance, faces = distance.reshape(count, 2, rays), faces.reshape(count, 2, rays)
+    hit = surface.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
+    distance, faces = (values.reshape(count, 2, rays) for values in hit)
     face_normals = surface.mesh.face_normals[faces]
     behind = np.einsum("gprj,gprj->gpr", face_normals, directions) > 0
-    buried = (behind & np.isfinite(distance)).any(axis=2)
     # A pad can only touch what lies between the pads.
-    distance = np.where(distance < opening[:, None, None], distance, np.inf)
-    first = distance.min(axis=2)
+    within = np.where(distance < opening[:, None, None], distance, np.inf)
+    first = within.min(axis=2)
     touching = np.isfinite(first)
-    patch = (distance <= first[..., None] + TOUCH) & touching[..., None]
+    patch = (within <= first[..., None] + TOUCH) & touching[..., None]
     weight = patch / np.maximum(patch.sum(axis=2, keepdims=True), 1)
     local = np.einsum("gpr,gprj->gpj", weight, starts)
-    travelled = np.where(touching, first, 0.0)
-    local[..., 0] -= side * travelled
-    hits = origins + np.where(patch, distance, 0.0)[..., None] * directions
+    local[..., 0] -= SIDE * np.where(touching, first, 0.0)
+    hits = origins + np.where(patch, within, 0.0)[..., None] * directions
     points = np.einsum("gpr,gprj->gpj", weight, hits)
     normals = np.einsum("gpr,gprj->gpj", weight, face_normals)
     length = np.linalg.norm(normals, axis=2, keepdims=True)
     normals = normals / np.where(length > 0, length, 1)
-    both = touching.all(axis=1)
     nowhere = ~touching[..., None]
     return Closing(
         points=np.where(nowhere, np.nan, points),
         normals=np.where(nowhere, np.nan, normals),
         local=np.where(nowhere, np.nan, local),
         touching=touching,
-        buried=buried,
+        buried=(behind & np.isfinite(distance)).any(axis=2),
         coverage=patch.mean(axis=2),
         cosines=np.where(touching, -np.einsum("gpi,gpi->gp", normals, inward), 0.0),
-        width=np.where(both, local[:, 1, 0] - local[:, 0, 0], np.nan),
+        width=np.where(touching.all(axis=1), local[:, 1, 0] - local[:, 0, 0], np.nan),
     )

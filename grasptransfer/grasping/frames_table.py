@@ -90,9 +90,8 @@ def _draw(axes: Any, gripper: Gripper, *, across: int, name: str) -> None:
         depths.append(mesh.triangles_center[facing] @ look)
     nearest_last = np.argsort(-np.concatenate(depths), kind="stable")
     filled = np.concatenate(colours)[nearest_last]
-    axes.add_collection(
-        PolyCollection(np.concatenate(corners)[nearest_last], facecolors=filled, edgecolors=filled)
-    )
+    triangles = list(np.concatenate(corners)[nearest_last])
+    axes.add_collection(PolyCollection(triangles, facecolors=filled, edgecolors=filled))
     for axis, colour, label in ((across, AXES[across], "xyz"[across]), (2, AXES[2], "z")):
         tip = np.array([AXIS_LENGTH, 0.0] if axis == across else [0.0, AXIS_LENGTH]) * 1e3
         axes.annotate("", tip, (0, 0), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.5})

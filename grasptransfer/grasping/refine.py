@@ -69,6 +69,7 @@ _FIXED = np.array(
         [0, 0, 0, 0, -0.2, 0],
     ]
 )
+STEP = 0.008  # m between poses of the approach; `check_grasps` looks twice as closely
 HALF_PAD = 0.009  # m; contacts this far from the pads' middle cost `off_centre`
 
 
@@ -180,10 +181,19 @@ class _Search:
             for candidate in order[i]:
                 if cost[i, candidate] > cost[i, cheapest] + self.settings.colliding:
                     break
-                if not self.world.touching(candidates[i, candidate], self.opened[i]):
+                if not self._blocked(i, candidates[i, candidate]):
                     chosen = candidate
                     break
             self.best[i] = candidates[i, chosen]
+
+    def _blocked(self, i: int, pose: Float[np.ndarray, "4 4"]) -> bool:
+        """Whether the opened gripper touches anything at a pose, or on its way in."""
+        back, way = pose.copy(), self.grasps[i].approach_distance
+        for distance in np.linspace(0.0, way, int(np.ceil(way / STEP)) + 1):
+            back[:3, 3] = pose[:3, 3] - distance * pose[:3, 2]
+            if self.world.touching(back, self.opened[i]):
+                return True
+        return False
 
     def _cost(self, closing: Closing, candidates: Float[np.ndarray, "g c 4 4"]) -> Float[np.ndarray, "g c"]:
         settings, shape = self.settings, candidates.shape[:2]

@@ -1,7 +1,7 @@
 """The RGB-D estimator: what the picture says of shape and pose, and the measured depth on top.
 
-The estimate from RGB is the prior, a normal distribution of the latent and of the pose; each model point
-that is seen, X = R (Z + mean + basis x) + t, should lie on the surface measured at its pixel:
+The estimate from RGB, with some doubt, is the prior of latent and pose; each model point that is seen,
+X = R (Z + mean + basis x) + t, should lie on the surface measured at its pixel:
 
     r = n . (X - P),   n the model's normal, P the point measured at X's pixel
 
@@ -29,6 +29,7 @@ INDEPENDENT_POINTS = 60.0  # neighbouring points err together: all count as much
 WIDTHS = (0.04, 0.03, 0.02, 0.014, 0.010, 0.008)  # m: residuals beyond this are let go
 STEPS = 3  # of Gauss-Newton at each width
 HIDDEN = 0.006  # m: a model point this far behind the drawn model is hidden
+LATENT_DOUBT = 6.0  # a picture errs in one way all over: its standard deviations are this much too small
 FEWEST_POINTS = 20  # fewer fitting points say nothing
 
 
@@ -135,12 +136,12 @@ class _Fit:
     def __init__(self, model: _Model, estimate: ShapeEstimate, pose_doubt: PoseDoubt | None):
         assert estimate.latent is not None
         assert estimate.latent_covariance is not None
-        self.model, self._prior_pose, self._prior_latent = model, estimate.camera_from_object, estimate.latent
-        self.pose, self.latent = self._prior_pose.copy(), self._prior_latent.copy()
+        self.model, self._prior_pose = model, estimate.camera_from_object
+        self.pose, self.latent = self._prior_pose.copy(), estimate.latent.copy()
         size = 6 + len(self.latent)
         self._free = slice(0, None) if pose_doubt is not None else slice(6, None)
         self._precision = np.zeros((size, size))
-        self._precision[6:, 6:] = np.linalg.inv(estimate.latent_covariance)
+        self._precision[6:, 6:], self._prior_latent = _doubted(estimate.latent, estimate.latent_covariance)
         if pose_doubt is not None:
             self._precision[:6, :6] = pose_doubt.precision(self._prior_pose[:3, 3])
         self.covariance = np.zeros((size, size))
@@ -203,6 +204,16 @@ class _Fit:
         self.pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ self.pose[:3, :3]
         self.pose[:3, 3] += step[3:6]
         self.latent = self.latent + step[6:]
+
+
+def _doubted(
+    latent: Float[np.ndarray, "k"], covariance: Float[np.ndarray, "k k"]
+) -> tuple[Float[np.ndarray, "k k"], Float[np.ndarray, "k"]]:
+    """Precision and mean of the latent with the picture believed less, and the prior x ~ N(0, I) as ever."""
+    known = np.linalg.inv(covariance)
+    prior = np.eye(len(latent))
+    precision = prior + (known - prior) / LATENT_DOUBT**2
+    return precision, np.linalg.solve(precision, known @ latent / LATENT_DOUBT**2)
 
 
 def _pixels(

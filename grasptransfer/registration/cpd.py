@@ -164,20 +164,14 @@ class _Run:
         """M-step: the field for this variance, then the variance for this field; its change."""
         support, factor = expectation.support, self.source.factor
         pull = expectation.moment - support[:, None] * self.source.normalised
-        known_support, known_pull = self.known.terms(self.variance)
-        self.coefficients = weighted_ridge(
-            factor,
-            support + known_support,
-            self.options.lam * self.variance,
-            pull + known_pull,
-            scratch=self._scratch,
-        )
+        weights, pull = self.known.join(support, pull, self.variance)
+        damping = self.options.lam * self.variance
+        self.coefficients = weighted_ridge(factor, weights, damping, pull, scratch=self._scratch)
         before, self.moved = self.moved, self.source.normalised + factor @ self.coefficients
         step = self.moved - before
         # Sum of P |x - T|^2, from its value before the step: no large terms cancel.
-        squared = expectation.squared + np.sum(
-            support[:, None] * step**2 - 2 * step * (expectation.moment - support[:, None] * before)
-        )
+        halfway = expectation.moment - support[:, None] * (before + step / 2)
+        squared = expectation.squared - 2 * np.vdot(step, halfway)
         matched = max(float(support.sum()), 1e-12)
         previous, self.variance = self.variance, max(float(squared) / (3 * matched), VARIANCE_FLOOR)
         if self.options.estimates_outliers:

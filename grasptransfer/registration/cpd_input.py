@@ -140,10 +140,14 @@ class Correspondences:
     targets: Float[np.ndarray, "c 3"]
     variance: float
 
-    def terms(self, variance: float) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
-        """What the pairs add to P 1 and to P X - P 1 Y."""
+    def join(
+        self, support: Float[np.ndarray, "n"], pull: Float[np.ndarray, "n 3"], variance: float
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+        """P 1 and P X - P 1 Y with what the pairs add."""
+        if not len(self.sources):
+            return support, pull
         share = variance / self.variance
-        return share * self.counts, share * self.pull
+        return support + share * self.counts, pull + share * self.pull
 
     def cost(self, moved: Float[np.ndarray, "n 3"]) -> float:
         """What the pairs add to the objective."""

@@ -118,9 +118,8 @@ class EStep:
         supports, moments, squared, likelihoods = zip(*parts, strict=True)
         unordered = np.empty_like(inlier)
         unordered[self._order] = inlier
-        return Expectation(
-            np.sum(supports, axis=0), np.sum(moments, axis=0), unordered, sum(squared), sum(likelihoods)
-        )
+        support, moment = sum(supports[1:], supports[0]), sum(moments[1:], moments[0])
+        return Expectation(support, moment, unordered, sum(squared), sum(likelihoods))
 
     def _follow(self, moved: Float[np.ndarray, "n 3"]):
         """Keep the bounds of the nearest distances true after the source points moved."""

@@ -83,12 +83,25 @@ class Posed:
     ) -> Float[np.ndarray, "q 3 s"]:
         """Derivative of the chosen points by the state."""
         pose = self.pose(state)
-        by_latent = np.einsum("ij,pjk->pik", pose[:3, :3], self.basis[chosen])
+        by_latent = pose[:3, :3] @ self.basis[chosen]
         if self.prior is None:
             return by_latent
         turned = self._shape(state, chosen) @ pose[:3, :3].T
-        by_turn = -_cross(turned) @ _left_jacobian(state[:3])
+        # -[p]x of each point, times the left Jacobian, row by row: p x (its columns)
+        by_turn = -np.cross(turned[:, None], _left_jacobian(state[:3]).T).transpose(0, 2, 1)
         return np.concatenate([by_turn, np.broadcast_to(np.eye(3), by_turn.shape), by_latent], axis=2)
+
+    def along(
+        self, state: Float[np.ndarray, "s"], chosen: Any, directions: Float[np.ndarray, "q 3"]
+    ) -> Float[np.ndarray, "q s"]:
+        """Derivative by the state of how far the chosen points are in given directions."""
+        rotation = self.pose(state)[:3, :3]
+        by_latent = np.einsum("qi,qik->qk", directions @ rotation, self.basis[chosen])
+        if self.prior is None:
+            return by_latent
+        turned = self._shape(state, chosen) @ rotation.T
+        by_turn = np.cross(turned, directions) @ _left_jacobian(state[:3])
+        return np.concatenate([by_turn, directions, by_latent], axis=1)
 
     def step(
         self,
@@ -138,25 +151,30 @@ class FitResiduals:
         self._last: tuple[bytes, tuple] = b"", ()
 
     def values(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "r"]:
-        """Robust residuals of the matches, then of the prior."""
+        """Robust lengths of the matches, then the prior's residuals."""
         differences, _, weights = self._matches(state)
-        stretched, _, _ = self._robust(self._slide(differences) / self.noise)
-        return np.concatenate([(weights[:, None] * stretched).ravel(), self.posed.root_precision * state])
+        lengths, _ = self._robust(np.linalg.norm(self._slide(differences), axis=1) / self.noise)
+        return np.concatenate([weights * lengths, self.posed.root_precision * state])
 
     def jacobian(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "r s"]:
         """Derivative of `values`; the matches are held."""
         differences, chosen, weights = self._matches(state)
         differences = self._slide(differences)
-        _, across, along = self._robust(differences / self.noise)
-        unit = differences / np.maximum(np.linalg.norm(differences, axis=1), 1e-300)[:, None]
-        rows = self._slide(self.posed.jacobian(state, chosen)) / self.noise
-        in_line = np.einsum("mi,mis->ms", unit, rows)
-        rows = (
-            across[:, None, None] * rows
-            + ((along - across)[:, None] * unit)[:, :, None] * in_line[:, None, :]
-        )
-        rows = (weights[:, None, None] * rows).reshape(-1, len(state))
+        lengths = np.linalg.norm(differences, axis=1)
+        _, slope = self._robust(lengths / self.noise)
+        directions = self._slide(differences / np.maximum(lengths, 1e-300)[:, None])
+        rows = self.posed.along(state, chosen, directions)
+        rows *= (weights * slope / self.noise)[:, None]
         return np.concatenate([rows, np.diag(self.posed.root_precision)])
+
+    def information(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "s s"]:
+        """Inverse covariance of the state: each match tells three coordinates, far ones less."""
+        differences, chosen, weights = self._matches(state)
+        squared = np.square(self._slide(differences) / self.noise / self.robust_scale).sum(1)
+        weights = weights / self.noise / np.sqrt(1 + squared)
+        rows = self._slide(self.posed.jacobian(state, chosen)) * weights[:, None, None]
+        rows = rows.reshape(-1, len(state))
+        return rows.T @ rows + np.diag(np.square(self.posed.root_precision))
 
     def nearest(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "m 3"]:
         """From each observed point to its nearest model point [m]."""
@@ -179,25 +197,24 @@ class FitResiduals:
             self._last = key, (differences, chosen, weights, seen)
         return self._last[1][:3]
 
-    def _slide(self, rows: Float[np.ndarray, "m 3 ..."]) -> Float[np.ndarray, "m 3 ..."]:
+    def _slide(self, rows: Float[np.ndarray, "r 3 ..."]) -> Float[np.ndarray, "r 3 ..."]:
         """Shorten the part along the observed surface."""
         if self._normals is None:
             return rows
         normals = self._normals[self._last[1][3]]
-        across = np.einsum("mi,mi...->m...", normals, rows)
+        across = np.einsum("ri,ri...->r...", normals, rows)
         normals = normals.reshape(*normals.shape, *[1] * (rows.ndim - 2))
         return self._hold * rows + (1 - self._hold) * normals * across[:, None]
 
-    def _robust(self, residuals: Float[np.ndarray, "m 3"]):
-        """Shortened residuals, and their derivatives across and along the residual.
+    def _robust(self, lengths: Float[np.ndarray, "r"]):
+        """Shortened lengths, and their derivatives.
 
-        Their squared length is Cauchy's loss c^2 log(1 + (d / c)^2): far points hardly pull.
+        Their square is Cauchy's loss c^2 log(1 + (d / c)^2): far points hardly pull.
         """
-        squared = np.square(residuals).sum(1) / self.robust_scale**2
+        squared = np.square(lengths / self.robust_scale)
         squared = np.maximum(squared, 1e-12)  # the limits at zero are 1
-        across = np.sqrt(np.log1p(squared) / squared)
-        along = 1 / ((1 + squared) * across)
-        return residuals * across[:, None], across, along
+        shortened = np.sqrt(np.log1p(squared) / squared)
+        return lengths * shortened, 1 / ((1 + squared) * shortened)
 
 
 def surface_normals(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
@@ -209,24 +226,33 @@ def surface_normals(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"
     return np.linalg.eigh(np.einsum("mki,mkj->mij", centred, centred))[1][:, :, 0]
 
 
+def _skew(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Matrix of the cross product: `_skew(a) @ b = a x b`."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def _rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(turn).as_matrix()
-
-
-def _cross(vectors: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 3"]:
-    """Matrices of the cross product: `_cross(a) @ b = a x b`."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    """exp(turn), by Rodrigues' formula."""
+    skew = _skew(turn)
+    sine, cosine, _ = _rotation_terms(turn)
+    return np.eye(3) + sine * skew + cosine * skew @ skew
 
 
 def _left_jacobian(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     """d exp(turn) p = -[exp(turn) p]x  J  d turn (Sola, Deray, Atchuthan 2018, eq. 145)."""
+    skew = _skew(turn)
+    _, cosine, rest = _rotation_terms(turn)
+    return np.eye(3) + cosine * skew + rest * skew @ skew
+
+
+def _rotation_terms(turn: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    """sin(a) / a, (1 - cos(a)) / a^2 and (a - sin(a)) / a^3 of the angle a."""
     angle = float(np.linalg.norm(turn))
-    skew = _cross(turn[None])[0]
     if angle < 1e-4:
-        return np.eye(3) + skew / 2 + skew @ skew / 6
-    first, second = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + first * skew + second * skew @ skew
+        return 1.0, 0.5, 1 / 6  # to 1e-9
+    return (
+        float(np.sin(angle)) / angle,
+        float(1 - np.cos(angle)) / angle**2,
+        float(angle - np.sin(angle)) / angle**3,
+    )

@@ -108,14 +108,13 @@ def weighted_ridge(
         weights: at least 0.
         scratch: overwritten; fresh memory of this size would cost as much as the product.
     """
-    from scipy.linalg import blas, lapack
+    from scipy.linalg import lapack
 
     np.multiply(factor, np.sqrt(weights)[:, None], out=scratch)
-    normal = blas.dsyrk(1.0, scratch.T)  # upper triangle  # pyright: ignore[reportAttributeAccessIssue]
-    normal[np.diag_indices_from(normal)] += damping
+    normal = scratch.T @ scratch
+    normal.flat[:: len(normal) + 1] += damping  # the diagonal
     _, solution, failed = lapack.dposv(normal, factor.T @ right)  # pyright: ignore[reportAttributeAccessIssue]
     if failed:  # rounding exceeds the damping
-        normal = np.triu(normal) + np.triu(normal, 1).T
         solution = np.linalg.lstsq(normal, factor.T @ right, rcond=None)[0]
     return solution
 

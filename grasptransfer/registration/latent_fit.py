@@ -35,6 +35,7 @@ from grasptransfer.registration.visibility import visible_points
 
 STAGES = 3  # of EM; visibility is looked up at the start of each
 STAGE_ITERATIONS = 15
+SETTLED = 0.03  # largest step, in standard deviations of the prior, after which least squares takes over
 OUTLIER_WEIGHT = 0.02
 FINEST = 0.01  # sigma that EM may reach, of the scale: below the spacing of any model's points
 
@@ -171,7 +172,7 @@ def _match_softly(
                 state = state + step
                 squared = found.squared * space.scale**2 / (3 * max(found.support.sum(), 1e-9))
                 variance = max(min(squared, variance), (FINEST * space.scale) ** 2)
-                if np.abs(step[-posed.n_modes :]).max(initial=0.0) < 1e-3:
+                if np.abs(step * posed.root_precision).max(initial=0.0) < SETTLED:
                     break
     return state, float(np.sqrt(variance))
 
@@ -186,10 +187,10 @@ def _least_squares(residuals: FitResiduals, state: Float[np.ndarray, "s"], max_i
         residuals.jacobian,  # pyright: ignore[reportArgumentType]
         method="lm",
         max_nfev=max_iterations,
-        xtol=1e-6,
+        ftol=1e-5,
+        xtol=1e-5,
     )
-    jacobian, posed = residuals.jacobian(solution.x), residuals.posed
-    covariance = np.linalg.inv(jacobian.T @ jacobian)
+    posed, covariance = residuals.posed, np.linalg.inv(residuals.information(solution.x))
     latent = slice(len(solution.x) - posed.n_modes, None)
     return LatentFit(
         latent=solution.x[latent],

@@ -12,8 +12,8 @@ from grasptransfer.registration import PreparedSource, cpd
 from grasptransfer.shapes import sample
 from grasptransfer.shapes.canonical_surface import CanonicalSurface
 
-BETAS = (0.5, 1.0, 2.0, 3.0, 5.0)
-LAMBDAS = (1.0, 3.0, 10.0, 30.0, 100.0)
+BETAS = (1.0, 2.0, 5.0)
+LAMBDAS = (3.0, 30.0, 100.0, 300.0, 1000.0)
 FIRST_SEED = 3_000_000
 
 

@@ -163,8 +163,9 @@ def _watertight_pieces(
 
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     groups = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(faces)))
-    surfaces = [_manifold(vertices, faces[group]) for group in groups]
-    if any(surface is None for surface in surfaces):
+    found = [_manifold(vertices, faces[group]) for group in groups]
+    surfaces = [surface for surface in found if surface is not None]
+    if len(surfaces) < len(found):
         return None
     solids = [surface for surface in surfaces if surface.volume() > SMALLEST_PART]
     inverted = [_reversed(surface) for surface in surfaces if surface.volume() < -SMALLEST_PART]

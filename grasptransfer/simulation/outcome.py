@@ -118,7 +118,8 @@ def _without_recording(result: TrialResult) -> TrialResult:
 
 def result_from_data(data: dict) -> TrialResult:
     """The result that `TrialResult.as_data` wrote."""
-    return TrialResult(**(data | {"status": TrialStatus[data["status"]]}))
+    others = {key: value for key, value in data.items() if key != "status"}
+    return TrialResult(status=TrialStatus[data["status"]], **others)
 
 
 @dataclass(frozen=True)

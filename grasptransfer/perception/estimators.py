@@ -1,0 +1,49 @@
+"""Every estimator by its name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from grasptransfer.errors import SettingsError
+
+if TYPE_CHECKING:
+    from grasptransfer.category import Category
+    from grasptransfer.perception.estimate import Estimator
+
+ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
+
+
+def make_estimator(
+    estimator: str | Estimator, category: Category, *, refine_pose: bool = True, device: str = "auto"
+) -> Estimator:
+    """The estimator of this name for a category; a callable is one already.
+
+    Args:
+        estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
+        refine_pose: fit the pose together with the shape, where the estimator can.
+        device: "auto", "cpu" or "cuda", of networks.
+
+    Raises:
+        SettingsError: an unknown name or device.
+        WeightsError: no trained network for the category.
+    """
+    if callable(estimator):
+        return estimator
+    from grasptransfer.perception import baselines, rgb
+
+    if estimator == "rgb":
+        return rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
+    if estimator == "rgbd":
+        from grasptransfer.perception.rgbd import RgbdEstimator
+
+        first = rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
+        return RgbdEstimator(category, first, first.renderer, refine_pose)
+    if estimator == "cls":
+        return baselines.ClsEstimator(category, refine_pose=refine_pose)
+    if estimator == "cpd":
+        return baselines.CpdEstimator(category)
+    if estimator == "similarity":
+        return baselines.SimilarityEstimator(category)
+    if estimator == "rigid":
+        return baselines.RigidEstimator(category)
+    raise SettingsError("unknown estimator", key="estimator", value=estimator, choices=ESTIMATORS)

@@ -1,0 +1,131 @@
+"""Trials by the hundred: the same in every process, resumed after a stop, recorded, counted."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+from simulated_box import BOX, PANDA, Placed, from_above, from_the_side
+
+from grasptransfer.simulation import (
+    PROTOCOLS,
+    TrialResult,
+    TrialStatus,
+    pool,
+    robustness,
+    simulate,
+    wilson_interval,
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GRASPTRANSFER_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+GRASPS = [Placed("middle", from_the_side(), width=0.04), Placed("end", from_above(z=0.05), width=0.04)]
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return simulate(GRASPS, BOX, trials=3, seed=5)
+
+
+def test_a_seed_gives_the_same_trials_in_other_processes_and_orders(reference):
+    assert simulate(GRASPS, BOX, trials=3, seed=5, workers=2) == reference
+    turned = simulate(GRASPS[::-1], BOX, trials=3, seed=5)
+    assert turned[3:] + turned[:3] == reference
+    assert simulate(GRASPS, BOX, trials=3, seed=6) != reference
+
+
+def test_a_crashed_or_hanging_worker_loses_only_its_trial(reference, monkeypatch):
+    signals = {1: signal.SIGKILL, 4: signal.SIGSTOP}
+    give = pool._Worker.give
+
+    def give_and_disturb(worker, index, job, limit):
+        give(worker, index, job, limit)
+        if index in signals:
+            os.kill(worker._process.pid, signals[index])
+
+    monkeypatch.setattr(pool._Worker, "give", give_and_disturb)
+    monkeypatch.setattr(pool, "START_TIME", 30.0)
+    results = simulate(GRASPS, BOX, trials=3, seed=5, workers=2, trial_limit=6.0)
+    lost = [i for i, result in enumerate(results) if result.status is TrialStatus.CRASHED]
+    assert lost == [1, 4]
+    assert [results[i] for i in (0, 2, 3, 5)] == [reference[i] for i in (0, 2, 3, 5)]
+    assert "did not end" in results[4].detail
+    assert [entry.trials for entry in robustness(results)] == [2, 2]  # lost trials count as neither
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(reference, tmp_path):
+    path = tmp_path / "results.jsonl"
+
+    def interrupt(done, of):
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate(GRASPS, BOX, trials=3, seed=5, results_path=path, on_trial=interrupt)
+    lines = path.read_text().splitlines()
+    assert len(lines) == 4
+    path.write_text("\n".join(lines[:3]) + "\n" + lines[3][:40])  # the fourth was cut off in the middle
+    seen = []
+    resumed = simulate(
+        GRASPS, BOX, trials=3, seed=5, results_path=path, on_trial=lambda done, of: seen.append(done)
+    )
+    assert resumed == reference
+    assert seen == [4, 5, 6]
+    again = simulate(GRASPS, BOX, trials=3, seed=5, results_path=path, on_trial=lambda *_: seen.append(0))
+    assert again == reference
+    assert 0 not in seen
+    other = simulate(GRASPS[:1], BOX, protocol="table-lift-v1", results_path=path)
+    assert other[0].protocol == "table-lift-v1"  # another protocol's trial is another trial
+
+
+def test_a_dask_cluster_of_separate_processes_gives_the_same_trials(reference):
+    from distributed import LocalCluster
+
+    settings = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with LocalCluster(**settings, silence_logs=40) as cluster:
+        assert simulate(GRASPS, BOX, trials=3, seed=5, cluster=cluster.scheduler_address) == reference
+
+
+def test_a_recording_follows_the_object_from_the_approach_to_the_end():
+    (result,) = simulate(GRASPS[:1], BOX, protocol="table-lift-v1", frames=20)
+    recording = result.recording
+    phases = list(dict.fromkeys(recording.phases))
+    assert phases == ["settle", "approach", "close", "lift", "rest"] or phases == phases[-4:]
+    lifted = recording.world_from_object[-1, 2, 3] - recording.world_from_object[0, 2, 3]
+    assert lifted == pytest.approx(PROTOCOLS["table-lift-v1"].lift_height, abs=2e-3)
+    assert np.all(np.diff(recording.seconds) > 0)
+    assert set(recording.world_from_link) == {link.name for link in PANDA.links}
+    assert "recording" not in result.as_data()
+
+
+def test_a_film_is_written_for_each_recorded_trial(tmp_path):
+    from PIL import Image
+
+    from grasptransfer.report.movie import save_movies
+
+    trials = simulate(GRASPS, BOX, frames=5)
+    paths = save_movies(trials, BOX, PANDA, tmp_path / "films")
+    assert [path.name for path in paths] == ["middle_0.gif", "end_0.gif"]
+    with Image.open(paths[0]) as film:
+        assert 5 <= film.n_frames <= len(trials[0].recording.seconds)
+    assert save_movies(simulate(GRASPS, BOX), BOX, PANDA, tmp_path / "films") == []  # nothing recorded
+
+
+def test_the_wilson_interval_is_the_published_one():
+    # Newcombe, "Two-sided confidence intervals for the single proportion", 1998: 81 of 263.
+    assert wilson_interval(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
+    assert wilson_interval(0, 20) == pytest.approx((0, 0.1611), abs=1e-4)
+    assert wilson_interval(0, 0) == (0, 1)
+
+
+def test_every_status_gives_advice():
+    for status in TrialStatus:
+        assert status.advice.endswith(".")
+    assert [status for status in TrialStatus if status.held] == [TrialStatus.HELD]
+    assert TrialResult("g", 0, TrialStatus.CRASHED, "").held is False
