@@ -42,10 +42,10 @@ def _card(weights: Path, config: TrainingConfig, scores: dict[str, float], run_f
         f"Network `{config.network}` ({parameters / 1e6:.1f} M parameters, stored in half precision) for: "
         f"{', '.join(config.categories)}.",
         "",
-        "- **Input**: observed RGB and its box, coordinates and mask of the model as assumed so far (pose and "
-        "latent), zoomed to 256 x 192.",
-        "- **Output**: offset of each visible point of the model, its flow in the picture, the object's mask, "
-        "what the assumed latent lacks, each with the scale of its error; whether the object is of the "
+        "- **Input**: observed RGB and its box, coordinates and mask of the model as assumed so far (pose "
+        "and latent), zoomed to 256 x 192.",
+        "- **Output**: offset of each visible point of the model, its flow in the picture, the object's "
+        "mask, what the assumed latent lacks, each with the scale of its error; whether the object is of the "
         "category.",
         f"- **Data**: {config.samples} pictures of random parametric shapes, rendered with random cameras, "
         "lights, materials and pose errors; backgrounds, occluders and camera faults are drawn anew in every "
