@@ -14,10 +14,10 @@ def rows_table(result: dict) -> Table | None:
     if not methods:
         return None
     table = Table(title=f"{result['benchmark']}: E [1e-6 m²], mean (std over views)")
-    table.add_column("instance", no_wrap=True)
+    table.add_column("instance", overflow="fold")
     ratios = [key for key in rows[0] if key.startswith("rgb_over_")]
     for name in (*methods, *(key.replace("rgb_over_", "rgb / ") for key in ratios)):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row in rows:
         cells = [_cell(row[name]) if name in row else "" for name in methods]
         cells += [f"{row[key]:.2f}" for key in ratios]
@@ -29,7 +29,7 @@ def _stages_table(rows: list[dict]) -> Table:
     """Milliseconds, a stage a line."""
     table = Table("category", "stage", title="ms")
     for name in ("median", "95 %", "first picture"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row in rows:
         cells = (f"{row[key]:.1f}" for key in ("median_ms", "p95_ms", "cold_ms"))
         table.add_row(row["category"], row["stage"], *cells)
@@ -41,7 +41,7 @@ def _photos_table(rows: list[dict]) -> Table:
     methods = [name for name, value in rows[0].items() if isinstance(value, dict)]
     table = Table("object", "image", title="E [1e-6 m²] and silhouette IoU, or size error [%]")
     for name in (*methods, "mask IoU"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row in rows:
         cells = [_photo_cell(row.get(name)) for name in methods]
         iou = row.get("mask_iou")
