@@ -21,8 +21,14 @@ def rows_table(result: dict) -> Table | None:
     for row in rows:
         cells = [_cell(row[name]) if name in row else "" for name in methods]
         cells += [f"{row[key]:.2f}" for key in ratios]
-        table.add_row(f"{row['category']}/{row['instance']}", *cells)
+        table.add_row(_name(row), *cells)
     return table
+
+
+def _name(row: dict) -> str:
+    """The shipped instances bear their category's name already."""
+    category, name = row["category"], row["instance"]
+    return name if name.startswith(category) else f"{category}/{name}"
 
 
 def _stages_table(rows: list[dict]) -> Table:
