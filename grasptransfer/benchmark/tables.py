@@ -44,7 +44,8 @@ def _stages_table(rows: list[dict]) -> Table:
 
 def _photos_table(rows: list[dict]) -> Table:
     """E and the outline's overlap, or the size error where no mesh is known; a photograph a line."""
-    methods = [name for name, value in rows[0].items() if isinstance(value, dict)]
+    named = (name for row in rows for name, value in row.items() if isinstance(value, dict))
+    methods = list(dict.fromkeys(named))
     table = Table("object", "image", title="E [1e-6 m²] and silhouette IoU, or size error [%]")
     for name in (*methods, "mask IoU"):
         table.add_column(name, justify="right", overflow="fold")
