@@ -8,9 +8,9 @@ import pytest
 from vases import cloud
 
 from grasptransfer.category.build import build_category
-from grasptransfer.category.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial
+from grasptransfer.category.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial, ranked
 from grasptransfer.category.learning import SMOOTH, fit_space, fitted_error, leave_out, loosened
-from grasptransfer.category.outcome import Trial
+from grasptransfer.category.outcome import Candidate, Trial
 from grasptransfer.registration import DeformationField
 from grasptransfer.report.category_page import category_page
 
@@ -68,6 +68,21 @@ def test_the_least_error_wins_unless_a_tighter_space_comes_within_two_percent():
     loose = Trial(1.0, 3.0, 4, 0.04, 0.90)
     assert best_trial([many, few, loose]) == loose
     assert best_trial([few, Trial(1.0, 3.0, 4, 0.04, 1.00)]) == few
+
+
+def test_of_candidates_that_leave_as_much_the_one_that_moves_least_is_first():
+    def candidate(name, chamfer, moved, is_cloud=False):
+        return Candidate(name, chamfer, worst=chamfer, moved=moved, is_cloud=is_cloud)
+
+    given = [
+        candidate("least", 1.0, 5.0),
+        candidate("typical", 1.01, 2.0),
+        candidate("far", 1.5, 1.0),
+        candidate("further", 1.6, 0.5),
+        candidate("cloud", 0.5, 0.1, is_cloud=True),
+    ]
+    assert [one.name for one in ranked(given)] == ["typical", "least", "far", "further", "cloud"]
+    assert ranked(given[-1:])[0].name == "cloud"
 
 
 @pytest.fixture(scope="module")

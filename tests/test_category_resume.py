@@ -30,7 +30,8 @@ if __name__ == "__main__":
     if step == "write":
         assemble._put_in_place = between
     progress = lambda state: die() if state.step == step == "register" and state.done == 2 else None
-    build_category("vase", meshes=meshes, test=["e"], out=out, overwrite=True, progress=progress, **SMALL)
+    given = {"finish": die} if step == "page" else {"progress": progress, "overwrite": True}
+    build_category("vase", meshes=meshes, test=["e"], out=out, **given, **SMALL)
 """
 
 
@@ -83,4 +84,15 @@ def test_a_build_killed_while_it_replaces_a_category_loses_neither(meshes, undis
     assert not out.exists()
     build_category("vase", meshes=meshes, test=["e"], out=out, **SMALL)
     assert contents(out) == {**contents(undisturbed), "grasps.yaml": b"grasps: mine\n"}
+    assert [path.name for path in out.parent.iterdir()] == ["vase"]
+
+
+def test_a_build_killed_while_its_page_is_drawn_can_be_finished(meshes, undisturbed, tmp_path):
+    out = tmp_path / "out" / "vase"
+    run_until_killed(meshes, out, "page")
+    assert contents(out) == contents(undisturbed)
+    drawn = []
+    build_category("vase", meshes=meshes, test=["e"], out=out, finish=drawn.append, **SMALL)
+    assert len(drawn) == 1
+    assert contents(out) == contents(undisturbed)
     assert [path.name for path in out.parent.iterdir()] == ["vase"]

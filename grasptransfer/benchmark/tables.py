@@ -14,22 +14,28 @@ def rows_table(result: dict) -> Table | None:
     if not methods:
         return None
     table = Table(title=f"{result['benchmark']}: E [1e-6 m²], mean (std over views)")
-    table.add_column("instance", no_wrap=True)
+    table.add_column("instance", overflow="fold")
     ratios = [key for key in rows[0] if key.startswith("rgb_over_")]
     for name in (*methods, *(key.replace("rgb_over_", "rgb / ") for key in ratios)):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row in rows:
         cells = [_cell(row[name]) if name in row else "" for name in methods]
         cells += [f"{row[key]:.2f}" for key in ratios]
-        table.add_row(f"{row['category']}/{row['instance']}", *cells)
+        table.add_row(_name(row), *cells)
     return table
+
+
+def _name(row: dict) -> str:
+    """The shipped instances bear their category's name already."""
+    category, name = row["category"], row["instance"]
+    return name if name.startswith(category) else f"{category}/{name}"
 
 
 def _stages_table(rows: list[dict]) -> Table:
     """Milliseconds, a stage a line."""
     table = Table("category", "stage", title="ms")
     for name in ("median", "95 %", "first picture"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row in rows:
         cells = (f"{row[key]:.1f}" for key in ("median_ms", "p95_ms", "cold_ms"))
         table.add_row(row["category"], row["stage"], *cells)
@@ -38,10 +44,11 @@ def _stages_table(rows: list[dict]) -> Table:
 
 def _photos_table(rows: list[dict]) -> Table:
     """E and the outline's overlap, or the size error where no mesh is known; a photograph a line."""
-    methods = [name for name, value in rows[0].items() if isinstance(value, dict)]
+    named = (name for row in rows for name, value in row.items() if isinstance(value, dict))
+    methods = list(dict.fromkeys(named))
     table = Table("object", "image", title="E [1e-6 m²] and silhouette IoU, or size error [%]")
     for name in (*methods, "mask IoU"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row in rows:
         cells = [_photo_cell(row.get(name)) for name in methods]
         iou = row.get("mask_iou")

@@ -61,6 +61,7 @@ def build_category(
     overwrite: bool = False,
     description: str = "",
     progress: Callable[[Progress], None] = lambda _: None,
+    finish: Callable[[CategoryBuild], object] = lambda _: None,
 ) -> CategoryBuild:
     """Build a category folder from meshes and clouds; killed and started again, it resumes.
 
@@ -84,6 +85,7 @@ def build_category(
         workers: processes.
         overwrite: replace an existing folder (its grasps are kept).
         progress: called at each step and for each finished instance.
+        finish: called with the result, to write a page of it, say; killed while it runs, the build resumes.
 
     Raises:
         CategoryError: no meshes, too few, an unknown name, or `out` exists.
@@ -92,13 +94,14 @@ def build_category(
     """
     start = time.perf_counter()
     out = Path(out) if out is not None else Path(name)
-    if out.exists() and not overwrite:
+    kept = out.with_name(f".{out.name}.build")
+    if out.exists() and not overwrite and not kept.exists():
         raise CategoryError("exists already", path=out, fix="Give another folder, or --overwrite")
     _check_options(scale, workers)
     options = Options(beta, lam, outlier_weight, modes, flexibility, metric, control_points)
     sources = _sources(Path(meshes), canonical, tuple(test))
     split = {source.name: source.test for source in sources}
-    with Workshop(out.with_name(f".{out.name}.build"), workers=workers, progress=progress) as workshop:
+    with Workshop(kept, workers=workers, progress=progress) as workshop:
         prepared = _prepare(workshop, sources, scale, frame_rotation(front, up))
         train = {one: arrays for one, arrays in prepared.items() if not split[one]}
         candidates = () if canonical else choose_canonical(workshop, train, options)
@@ -127,10 +130,14 @@ def build_category(
             shape_space=space,
             weights={one: registered[one]["weights"] for one in sorted(split, key=lambda one: split[one])},
         )
-        workshop.clear()
         progress(Progress("write", 1, 1, name))
-    seconds = time.perf_counter() - start
-    return CategoryBuild(category, canonical, candidates, trials, registrations, learnt["explained"], seconds)
+        seconds = time.perf_counter() - start
+        built = CategoryBuild(
+            category, canonical, candidates, trials, registrations, learnt["explained"], seconds
+        )
+        finish(built)
+        workshop.clear()
+    return built
 
 
 def _check_options(scale: float, workers: int) -> None:

@@ -12,6 +12,7 @@ from grasptransfer.errors import GraspTransferError
 from grasptransfer.report.progress import progress_bar
 
 Positional = tyro.conf.Positional
+PAGE = "category.html"
 console = Console(markup=False)
 
 
@@ -112,10 +113,12 @@ def build(
             progress=lambda state: progress.update(
                 task, description=state.step, completed=state.done, total=state.total
             ),
+            finish=lambda built: category_page(built, built.category.folder / PAGE),
         )
-    page = category_page(built, built.category.folder / "category.html")
+    folder = built.category.folder
     console.print(
-        f"Category: {built.category.folder}\nEvery registration and the modes: {page}", soft_wrap=True
+        f"Category: {folder}, in {built.seconds:.0f} s\nEvery registration and the modes: {folder / PAGE}",
+        soft_wrap=True,
     )
     return 0
 

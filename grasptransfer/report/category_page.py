@@ -58,7 +58,6 @@ def _head(build: CategoryBuild) -> str:
         ("control points", str(settings.control_points)),
         ("modes", _modes_in_words(build)),
         ("leave one out", _left_out_in_words(measured)),
-        ("built in", f"{build.seconds:.0f} s"),
     ]
     warnings = "".join(f'<p class="warning">{escape(text)}</p>' for text in build.warnings)
     return f"<header><h1>Category {escape(category.name)}</h1>{facts(values)}{warnings}</header>"
@@ -107,7 +106,7 @@ def _trials(build: CategoryBuild) -> str:
     lead = (
         "Instances were left out in turn, and the shape space of the others was fitted to their points. "
         "E is what was left, on average, with the best number of modes. <i>Flexibility</i> is of smooth "
-        "modes beside the learnt ones."
+        "modes beside the learnt ones. Only control points were compared: below, with more points, E is less."
     )
     return section("Settings", lead, table(heads, rows))
 
@@ -128,7 +127,8 @@ def _candidates(build: CategoryBuild) -> str:
     ]
     lead = (
         "Every train instance was registered to every other. <i>Left</i> is the chamfer distance that "
-        "remains, averaged over the others; <i>moved</i> is how far points had to travel."
+        "remains between a few points of each, averaged over the others; <i>moved</i> is how far points had "
+        "to travel. Of those that leave about the least, the one that moves least is taken."
     )
     return section("Canonical model", lead, table(heads, rows))
 
