@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from grasptransfer.category.assemble import write_category
 from grasptransfer.category.choices import (
+    Chosen,
     Options,
     choose_canonical,
     choose_settings,
@@ -24,7 +25,7 @@ from grasptransfer.category.choices import (
 from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
 from grasptransfer.category.learning import FEWEST, Distances
 from grasptransfer.category.orientation import agreed_turn
-from grasptransfer.category.outcome import CategoryBuild, Registration
+from grasptransfer.category.outcome import Candidate, CategoryBuild, Registration
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.category.sources import Source, find_sources, frame_rotation
 from grasptransfer.category.tasks import (
@@ -104,15 +105,18 @@ def build_category(
     with Workshop(kept, workers=workers, progress=progress) as workshop:
         prepared = _prepare(workshop, sources, scale, frame_rotation(front, up))
         train = {one: arrays for one, arrays in prepared.items() if not split[one]}
-        candidates = () if canonical else choose_canonical(workshop, train, options)
-        canonical = canonical or candidates[0].name
+        candidates: tuple[Candidate, ...] = ()
+        if canonical is None:
+            candidates = choose_canonical(workshop, train, options)
+            canonical = candidates[0].name
         control, voxel = _control_points(prepared[canonical], control_points)
         model = prepared[canonical]["points"]
-        registered, trials = register(workshop, train, canonical, control, model, options), ()
-        if not options.complete:
-            options, trials = choose_settings(workshop, train, registered, control, options)
-        found = register(workshop, prepared, canonical, control, model, options)
-        learnt, space = _learn(workshop, prepared, train, found, model, control, options)
+        how = {"kernels": options.kernels(), "outlier_weight": outlier_weight}
+        registered = register(workshop, train, canonical, control, model, **how)
+        chosen, trials = choose_settings(workshop, train, registered, control, options)
+        how["kernels"] = [(chosen.beta, chosen.lam)]
+        found = register(workshop, prepared, canonical, control, model, **how)
+        learnt, space = _learn(workshop, prepared, train, found, model, control, chosen, metric)
         registered = {one: arrays for (one, _, _), arrays in found.items()}
         registrations = _registrations(split, prepared, registered, learnt, canonical)
         progress(Progress("write", 0, 1))
@@ -123,8 +127,8 @@ def build_category(
             split=Split(
                 canonical=canonical, train=tuple(train), test=tuple(one for one in split if split[one])
             ),
-            settings=_settings(options, space, voxel, len(train)),
-            measured=_measured(registrations, canonical, learnt["explained"], options.modes),
+            settings=_settings(chosen, space, outlier_weight, voxel, len(train)),
+            measured=_measured(registrations, canonical, learnt["explained"], chosen.modes),
             canonical_glb=prepared[canonical]["glb"].tobytes(),
             instance_glbs={one: arrays["glb"].tobytes() for one, arrays in prepared.items()},
             shape_space=space,
@@ -178,14 +182,14 @@ def _control_points(model: Arrays, count: int) -> tuple[Float[np.ndarray, "n 3"]
     return points[voxel_filter(points, voxel)], voxel
 
 
-def _learn(workshop, prepared: dict[str, Arrays], train, registered, model, control, options: Options):
+def _learn(workshop, prepared: dict[str, Arrays], train, registered, model, control, chosen, metric):
     """Final shape space, and what was measured with it."""
     others = [name for name in prepared if name not in train]
     clouds = [prepared[name]["points"] for name in (*train, *others)]
-    given = fields_of(train, registered, control, options.beta, options.lam) | {
-        "modes": options.modes,
-        "flexibility": options.flexibility,
-        "metric": options.metric,
+    given = fields_of(train, registered, control, chosen.beta, chosen.lam) | {
+        "modes": chosen.modes,
+        "flexibility": chosen.flexibility,
+        "metric": metric,
         "model": model,
         "clouds": np.concatenate(clouds),
         "starts": starts_of(clouds),
@@ -194,7 +198,7 @@ def _learn(workshop, prepared: dict[str, Arrays], train, registered, model, cont
     errors = dict(zip((*train, *others), learnt.pop("fitted_error"), strict=True))
     normaliser = (given["centre"], given["scale"])
     found = (learnt["mean"], learnt["basis"], learnt["variances"], float(learnt["noise_variance"]))
-    space = ShapeSpace(control, options.beta, *normaliser, *found, options.metric)
+    space = ShapeSpace(control, chosen.beta, *normaliser, *found, metric)
     return {**learnt, "fitted_error": errors}, space
 
 
@@ -227,15 +231,17 @@ def _registrations(
     return tuple(found)
 
 
-def _settings(options: Options, space: ShapeSpace, voxel: float, samples: int) -> Settings:
+def _settings(
+    chosen: Chosen, space: ShapeSpace, outlier_weight: float, voxel: float, samples: int
+) -> Settings:
     return Settings(
-        beta=options.beta,
-        lam=options.lam,
+        beta=chosen.beta,
+        lam=chosen.lam,
         modes=space.n_modes,
-        flexibility=options.flexibility or 0.0,
-        metric=options.metric,  # pyright: ignore[reportArgumentType]  checked by the shape space
+        flexibility=chosen.flexibility,
+        metric=space.metric,  # pyright: ignore[reportArgumentType]  checked by the shape space
         correspondences="cpd",
-        outlier_weight=options.outlier_weight,
+        outlier_weight=outlier_weight,
         control_points=len(space.control_points),
         voxel=voxel,
         samples=samples,

@@ -1,8 +1,8 @@
 """What a build chooses by measuring: the canonical model, then the settings of its shape space."""
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -62,11 +62,6 @@ class Options:
             raise SettingsError("must be between 0 and 1", key="flexibility", value=self.flexibility)
 
     @property
-    def complete(self) -> bool:
-        """Whether there is nothing to choose."""
-        return None not in (self.beta, self.lam, self.modes, self.flexibility)
-
-    @property
     def first_beta(self) -> float:
         """What is given, or the first that is tried."""
         return BETAS[0] if self.beta is None else self.beta
@@ -80,6 +75,16 @@ class Options:
         """Every beta with every lambda that is to be tried."""
         betas = BETAS if self.beta is None else (self.beta,)
         return [(beta, lam) for beta in betas for lam in (LAMBDAS if self.lam is None else (self.lam,))]
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What `Options` leaves open, given or chosen."""
+
+    beta: float
+    lam: float
+    modes: int
+    flexibility: float
 
 
 def choose_canonical(workshop: Workshop, train: dict[str, Arrays], options: Options) -> tuple[Candidate, ...]:
@@ -126,11 +131,13 @@ def register(
     canonical: str,
     control: Float[np.ndarray, "n 3"],
     model: Float[np.ndarray, "p 3"],
-    options: Options,
+    *,
+    kernels: list[tuple[float, float]],
+    outlier_weight: float,
 ) -> dict[tuple[str, float, float], Arrays]:
-    """CPD from the canonical model to every instance, with every kernel and smoothness to be tried."""
+    """CPD from the canonical model to every instance, with several beta and lambda."""
     given, keys = {}, {}
-    for beta, lam in options.kernels():
+    for beta, lam in kernels:
         for name, arrays in instances.items():
             keys[f"{name}-{beta:g}-{lam:g}"] = (name, beta, lam)
             given[f"{name}-{beta:g}-{lam:g}"] = {
@@ -139,7 +146,7 @@ def register(
                 "instance": arrays["points"],
                 "beta": beta,
                 "lam": lam,
-                "outlier_weight": options.outlier_weight,
+                "outlier_weight": outlier_weight,
                 "is_canonical": name == canonical,
             }
     found = workshop.map("register", register_instance, given)
@@ -152,13 +159,16 @@ def choose_settings(
     registered: dict[tuple[str, float, float], Arrays],
     control: Float[np.ndarray, "n 3"],
     options: Options,
-) -> tuple[Options, tuple[Trial, ...]]:
+) -> tuple[Chosen, tuple[Trial, ...]]:
     """Leave instances out in turn and fit the shape space of the others to their points, as one sees them.
 
     Returns:
-        options: with beta, lambda and modes filled in.
-        trials: all that was measured.
+        chosen: the settings.
+        trials: all that was measured; nothing where all settings were given.
     """
+    given = (options.beta, options.lam, options.modes, options.flexibility)
+    if None not in given:
+        return Chosen(*given), ()  # pyright: ignore[reportArgumentType]
     most = len(train) - 2  # of a space without one instance
     tried = {n for n in (*MODES, most) if n <= most} if options.modes is None else {min(options.modes, most)}
     first = options.flexibility or 0.0
@@ -170,8 +180,7 @@ def choose_settings(
         best = best_trial([one for one in trials if one.modes == best.modes])
     # Where as many modes as can be tried are best, all instances together give one more.
     modes = options.modes or (best.modes + 1 if best.modes == most else best.modes)
-    chosen = {"beta": best.beta, "lam": best.lam, "modes": modes, "flexibility": best.flexibility}
-    return dataclasses.replace(options, **chosen), trials
+    return Chosen(best.beta, best.lam, modes, best.flexibility), trials
 
 
 @dataclass(frozen=True)
@@ -222,7 +231,7 @@ def fields_of(
     control: Float[np.ndarray, "n 3"],
     beta: float,
     lam: float,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """The registered fields of all train instances, as the tasks take them."""
     first = registered[next(iter(train)), beta, lam]
     return {

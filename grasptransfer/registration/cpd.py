@@ -144,13 +144,13 @@ class _Run:
         self.variance = _mean_squared_distance(self.moved, target) / 3
         self.outlier_weight = options.first_outlier_weight
         self.objective_history: list[float] = []
-        self._scratch = np.empty_like(source.factor)
 
     def iterate(self, callback) -> CpdStatus:
+        scratch = np.empty_like(self.source.factor)
         for _ in range(self.options.max_iterations):
             expectation = self.expect(self.moved, self.variance, log_outlier=self._log_outlier())
             self.objective_history.append(self._objective(expectation))
-            change = self._maximise(expectation)
+            change = self._maximise(expectation, scratch)
             self.expectation = expectation
             if callback and callback(self._progress()):
                 return CpdStatus.STOPPED
@@ -160,13 +160,13 @@ class _Run:
                 return CpdStatus.CONVERGED
         return CpdStatus.ITERATION_LIMIT
 
-    def _maximise(self, expectation: Expectation) -> float:
+    def _maximise(self, expectation: Expectation, scratch: Float[np.ndarray, "n r"]) -> float:
         """M-step: the field for this variance, then the variance for this field; its change."""
         support, factor = expectation.support, self.source.factor
         pull = expectation.moment - support[:, None] * self.source.normalised
         weights, pull = self.known.join(support, pull, self.variance)
         damping = self.options.lam * self.variance
-        self.coefficients = weighted_ridge(factor, weights, damping, pull, scratch=self._scratch)
+        self.coefficients = weighted_ridge(factor, weights, damping, pull, scratch=scratch)
         before, self.moved = self.moved, self.source.normalised + factor @ self.coefficients
         step = self.moved - before
         # Sum of P |x - T|^2, from its value before the step: no large terms cancel.

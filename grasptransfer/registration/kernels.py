@@ -31,9 +31,9 @@ class LowRankKernel:
 
     def shortest_weights(self, coefficients: Float[np.ndarray, "r c"]) -> Float[np.ndarray, "n c"]:
         """Of all W with L^T W = coefficients the shortest: it holds nothing that G hardly shows."""
-        from scipy.linalg import solve_triangular
+        from scipy.linalg import qr, solve_triangular
 
-        orthogonal, triangular = np.linalg.qr(self.factor)
+        orthogonal, triangular = qr(self.factor, mode="economic")  # holds one copy, NumPy's three
         return orthogonal @ solve_triangular(triangular, coefficients, trans=1)
 
 
@@ -75,7 +75,8 @@ def pivoted_cholesky(
     """
     count = len(points)
     limit = min(count, max_rank or count)
-    rows = np.empty((min(limit, 64), count))  # transposed: each new column is contiguous
+    # Transposed: each new column is contiguous. Rows that stay unused are never given memory.
+    rows = np.empty((min(limit, 256), count))
     missing = np.ones(count)
     pivots: list[int] = []
     while len(pivots) < limit:
@@ -91,7 +92,7 @@ def pivoted_cholesky(
         missing -= np.square(rows[rank])
         missing[pivot] = 0.0
         pivots.append(pivot)
-    return LowRankKernel(np.ascontiguousarray(rows[: len(pivots)].T), np.array(pivots, dtype=int))
+    return LowRankKernel(rows[: len(pivots)].T, np.array(pivots, dtype=int))
 
 
 def weighted_ridge(
