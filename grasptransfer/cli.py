@@ -62,11 +62,13 @@ def train(
         workers: rendering processes.
     """
     from grasptransfer.category import list_categories, load_category
+    from grasptransfer.perception.estimators import check_device
     from grasptransfer.perception.model_card import default_output
     from grasptransfer.perception.training import TrainingConfig
 
     counts = {"samples": samples, "steps": steps, "batch": batch, "echo": echo, "workers": workers}
     _check_training(network, loss, counts)
+    check_device(device)
     names = tuple(load_category(name).name for name in categories or list_categories())
     config = TrainingConfig(
         names,

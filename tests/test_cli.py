@@ -39,6 +39,7 @@ def test_every_command_explains_itself(command, capsys):
         (["train", "teapot"], "mug"),
         (["train", "mug", "--network", "big"], "compact"),
         (["train", "mug", "--loss", "none"], "likelihood"),
+        (["train", "mug", "--device", "tpu"], "auto, cpu"),
         (["train", "mug", "--steps", "0"], "steps"),
         (["annotate", "teapot"], "mug"),
         (["annotate", "mug", "--gripper", "claw"], "panda"),
@@ -99,6 +100,7 @@ WRONG = {  # option of `transfer`: wrong value, what the message must hold
     "scene": [("scene.yaml", "camera_from_obstacle"), ("none.yaml", "none.yaml")],
     "execute": [("none.obj", "none.obj"), ("empty.obj", "empty.obj")],
     "depth": [("picture.png", "16-bit")],
+    "device": [("tpu", "auto, cpu")],
     "estimator": [("magic", "similarity"), ("cls", "depth")],
 }  # fmt: skip
 WRONG_VALUES = [(option, value, word) for option, pairs in WRONG.items() for value, word in pairs]

@@ -130,6 +130,12 @@ def test_an_unknown_name_lists_the_known_ones(picture, arguments, error, word):
         gt.transfer_grasps(picture[0], POSE, **settings)
 
 
+def test_a_gpu_that_is_not_there_is_refused_with_what_is(picture, monkeypatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(SettingsError, match=r"not in this machine .*known: auto, cpu$"):
+        gt.transfer_grasps(picture[0], POSE, "mug", camera=CAMERA, device="cuda")
+
+
 def test_a_moved_camera_moves_the_grasps_with_it(true_flow, picture):
     moved = rigid(np.eye(3), np.array([0.01, 0.0, 0.05])) @ POSE
     here = true_flow.transfer(picture[0], POSE, camera=CAMERA).grasps[0]

@@ -13,6 +13,22 @@ if TYPE_CHECKING:
 ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
 
 
+def check_device(device: str) -> None:
+    """Refuse a device that is unknown, or not in this machine.
+
+    Raises:
+        SettingsError: with the devices there are.
+    """
+    if device in ("auto", "cpu"):
+        return
+    import torch
+
+    here = ("auto", "cpu", "cuda") if torch.cuda.is_available() else ("auto", "cpu")
+    if device not in here:
+        problem = "is not in this machine" if device == "cuda" else "unknown device"
+        raise SettingsError(problem, key="device", value=device, choices=here)
+
+
 def make_estimator(
     estimator: str | Estimator, category: Category, *, refine_pose: bool = True, device: str = "auto"
 ) -> Estimator:
@@ -27,6 +43,7 @@ def make_estimator(
         SettingsError: an unknown name or device.
         WeightsError: no trained network for the category.
     """
+    check_device(device)
     if callable(estimator):
         return estimator
     from grasptransfer.perception import baselines, rgb
