@@ -18,8 +18,10 @@ def main(arguments: list[str] | None = None):
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("category", nargs="?", default="mug")
     parser.add_argument("--samples", type=int, default=10)
+    parser.add_argument("--quick", action="store_true", help="one sample")
     given = parser.parse_args(arguments)
-    rows = cpd_accuracy(surface_of(shapes.canonical(given.category)), samples=given.samples)
+    samples = 1 if given.quick else given.samples
+    rows = cpd_accuracy(surface_of(shapes.canonical(given.category)), samples=samples)
     print("beta  lambda    mean     p95   [mm]    mean    p95  [% of size]   surface RMS [mm]")
     for row in rows:
         lengths = f"{1000 * row.mean:8.2f}{1000 * row.p95:8.2f}"
