@@ -117,7 +117,9 @@ def _preview(staging: Path, split: Split) -> bytes:
 def glb_of(scene: trimesh.Scene | trimesh.Trimesh) -> bytes:
     """glTF 2.0 binary of a scene, normals included."""
     scene = scene if isinstance(scene, trimesh.Scene) else trimesh.Scene(scene)
-    return scene.export(file_type="glb", include_normals=True, buffer_postprocessor=_shorten_indices)
+    content = scene.export(file_type="glb", include_normals=True, buffer_postprocessor=_shorten_indices)
+    assert isinstance(content, bytes)
+    return content
 
 
 def _shorten_indices(buffers: dict[int, bytes], tree: dict) -> None:

@@ -234,9 +234,9 @@ def _registrations(
 def _settings(
     chosen: Chosen, space: ShapeSpace, outlier_weight: float, voxel: float, samples: int
 ) -> Settings:
-    return Settings(
+    return Settings(  # pyright: ignore[reportCallIssue]  knows `lam` by its name in the file alone
         beta=chosen.beta,
-        lam=chosen.lam,
+        lam=chosen.lam,  # pyright: ignore[reportCallIssue]
         modes=space.n_modes,
         flexibility=chosen.flexibility,
         metric=space.metric,  # pyright: ignore[reportArgumentType]  checked by the shape space

@@ -10,7 +10,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay, QhullError, cKDTree
+from scipy.spatial import Delaunay, KDTree, QhullError
 
 from grasptransfer.errors import PointCloudError
 
@@ -39,7 +39,7 @@ def carved_surface(points: Float[np.ndarray, "m 3"]) -> tuple[trimesh.Trimesh, f
         raise PointCloudError("the points lie in a plane") from cause
     faces = delaunay.simplices[:, _OPPOSITE]
     radii = _circumradii(points[faces])
-    radius = FIRST * float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
+    radius = FIRST * float(np.median(KDTree(points).query(points, k=2)[0][:, 1]))
     largest = float(np.linalg.norm(np.ptp(points, axis=0)))
     boundary, volume = _boundary(points, delaunay, radii > radius), 0.0
     # While the ball slips between the points it empties the inside: the volume leaps with the radius.

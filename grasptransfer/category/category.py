@@ -230,4 +230,4 @@ def _as_mesh(scene: "trimesh.Scene") -> "trimesh.Trimesh":
         if not np.array_equal(transform, np.eye(4)):
             part.apply_transform(transform)
         parts.append(part)
-    return parts[0] if len(parts) == 1 else trimesh.util.concatenate(parts)
+    return parts[0] if len(parts) == 1 else trimesh.util.concatenate(parts)  # pyright: ignore

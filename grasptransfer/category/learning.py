@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grasptransfer.errors import SettingsError
 from grasptransfer.registration import DeformationField, ShapeSpace, latent_fit
@@ -32,8 +32,8 @@ class Distances:
     @staticmethod
     def between(model: Float[np.ndarray, "n 3"], instance: Float[np.ndarray, "m 3"]) -> "Distances":
         """Of two clouds [m]."""
-        there = cKDTree(model).query(instance)[0]
-        back = cKDTree(instance).query(model)[0]
+        there = KDTree(model).query(instance)[0]
+        back = KDTree(instance).query(model)[0]
         error = float(np.square(there).mean())
         return Distances(error, float(np.sqrt(error)), float((there.mean() + back.mean()) / 2))
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 STEP = 15  # degrees between the turns about the upright axis that are tried
 BETTER = 0.85  # a turn is suspicious if it brings the distance below this share of the given one
@@ -46,7 +46,7 @@ def best_turn(canonical: Float[np.ndarray, "n 3"], instance: Float[np.ndarray, "
     """
     still, scale = _normalised(canonical)
     moving, _ = _normalised(instance)
-    tree = cKDTree(still)
+    tree = KDTree(still)
     scores = {}
     for upside_down in (False, True):
         over = moving * [1, -1, -1] if upside_down else moving
@@ -55,7 +55,7 @@ def best_turn(canonical: Float[np.ndarray, "n 3"], instance: Float[np.ndarray, "
             cos, sin = np.cos(angle), np.sin(angle)
             turned = over @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
             there = tree.query(turned)[0]
-            back = cKDTree(turned).query(still)[0]
+            back = KDTree(turned).query(still)[0]
             scores[degrees, upside_down] = (
                 1000 * scale * float(np.sqrt((np.square(there).mean() + np.square(back).mean()) / 2))
             )

@@ -7,6 +7,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image, ImageDraw, ImageFont
+from trimesh.visual import TextureVisuals
+from trimesh.visual.color import uv_to_color
 
 AZIMUTH, ELEVATION = np.deg2rad(35.0), np.deg2rad(22.0)
 BACKGROUND = 255.0
@@ -185,11 +187,11 @@ def _surface_colour(parts, first_faces, hit, weights, axes):
 def _base_colour(part, corners, weights):
     """sRGB colour in [0, 255] and opacity in [0, 1] from texture, material or vertex colours."""
     visual = part.visual
-    if isinstance(visual, trimesh.visual.TextureVisuals):
+    if isinstance(visual, TextureVisuals):
         material = visual.material
         if visual.uv is not None and (texture := _texture(material)) is not None:
             uv = np.einsum("mc,mcd->md", weights, visual.uv[corners])
-            rgba = trimesh.visual.color.uv_to_color(uv, texture).astype(float)
+            rgba = uv_to_color(uv, texture).astype(float)
         else:
             rgba = np.tile(np.asarray(material.main_color, float), (len(corners), 1))
         see_through = getattr(material, "alphaMode", None) == "BLEND"
@@ -205,4 +207,4 @@ def _texture(material) -> Image.Image | None:
 
 def inked(image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
     """Where a picture is not background."""
-    return (image < 250).any(-1)
+    return np.any(image < 250, axis=-1)

@@ -161,10 +161,12 @@ def _read(path: Path) -> tuple[trimesh.Trimesh | None, Float[np.ndarray, "m 3"] 
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as cause:
         raise MeshError("cannot be read", path=path, fix=f"{type(cause).__name__}: {cause}") from cause
     meshes = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-    clouds = [part for part in parts if not (isinstance(part, trimesh.Trimesh) and len(part.faces))]
     if meshes:
-        return meshes[0] if len(meshes) == 1 else trimesh.util.concatenate(meshes), None
-    points = [np.asarray(part.vertices, float) for part in clouds if len(getattr(part, "vertices", ()))]
+        whole = meshes[0] if len(meshes) == 1 else trimesh.util.concatenate(meshes)
+        assert isinstance(whole, trimesh.Trimesh)
+        return whole, None
+    points = [np.asarray(getattr(part, "vertices", ()), float) for part in parts]
+    points = [cloud for cloud in points if len(cloud)]
     if not points:
         raise MeshError("holds neither faces nor points", path=path)
     return None, np.concatenate(points)
@@ -191,7 +193,8 @@ def _repair(mesh: trimesh.Trimesh, path: Path) -> tuple[trimesh.Trimesh, list[st
     shared = np.bincount(trimesh.grouping.unique_rows(solid.edges_sorted)[1])
     crowded = int((shared > 2).sum())
     if crowded:
-        notes.append(f"{crowded} edges belong to more than two faces")
+        notes.append(f"{crowded} edges belong" * (crowded > 1) or "one edge belongs")
+        notes[-1] += " to more than two faces"
     if not solid.is_watertight:
         notes.append("is not watertight")
     elif solid.volume < 0:

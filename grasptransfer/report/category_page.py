@@ -168,10 +168,11 @@ def _registration(category: Category, canonical: trimesh.Trimesh, one: Registrat
     size = " x ".join(f"{1000 * side:.0f}" for side in one.extents)
     words = [f"{size} mm", f"{one.faces} faces" if not one.is_cloud else "cloud", *one.notes]
     seen_by = "the others' shape space" if not one.test else "the shape space"
-    words.append(f"{seen_by} fitted to its points: E {_e(one.fitted_error)}")
+    words.append(f"{seen_by} fitted to its points: E\u00a0{_e(one.fitted_error)}")
     marks = pill("test", "neutral") if one.test else ""
     if one.status != "CONVERGED":
-        marks += pill(one.status.lower().replace("_", " "), "neutral")
+        word = "canonical model" if one.status == "IDENTITY" else one.status.lower().replace("_", " ")
+        marks += pill(word, "neutral")
     warnings = "".join(f'<p class="warning">{escape(text)}</p>' for text in one.warnings)
     return (
         f'<div class="instance"><h3>{escape(one.name)} {marks}</h3>'
@@ -205,9 +206,8 @@ def _tiles(tiles, columns: str, name: str) -> str:
 
 
 def _deformed(mesh: trimesh.Trimesh, vertices) -> trimesh.Trimesh:
-    moved = trimesh.Trimesh(vertices, mesh.faces, process=False)
-    moved.visual = mesh.visual.copy()
-    return moved
+    assert mesh.visual is not None
+    return trimesh.Trimesh(vertices, mesh.faces, visual=mesh.visual.copy(), process=False)
 
 
 def _e(error: float) -> str:
