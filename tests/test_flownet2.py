@@ -48,12 +48,14 @@ def test_training_steps_lower_the_loss(pictures):
         "mask": (pictures[:, :1, ::4, ::4] > 0).float(),
         "match": torch.ones(1),
     }
-    optimiser = torch.optim.AdamW(network.parameters(), 1e-3)
+    # The paper trains at 3e-5; a network this narrow bears more.
+    optimiser = torch.optim.AdamW(network.parameters(), 1e-4)
     totals = []
-    for _ in range(4):
+    for _ in range(6):
         total = training_loss(network(pictures), targets, "likelihood")["total"]
         optimiser.zero_grad()
         total.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
         optimiser.step()
         totals.append(total.item())
     assert totals[-1] < totals[0]

@@ -9,7 +9,8 @@ also gives the scales and the mask that `Prediction` asks for; there are no head
 
 Sources: Ilg, Mayer, Saikia, Keuper, Dosovitskiy, Brox, FlowNet 2.0, 2017, sections 3-5 and supplement;
 Rodriguez, Huber, Behnke 2020, section IV-C. The layers' widths are FlowNet2's: 162 million parameters.
-Ours is trained end to end, theirs one network after the other.
+Ours is trained end to end, theirs one network after the other; the paper's learning rate is 3e-5, and
+the compact network's 1e-3 is too much for it.
 """
 
 import torch
