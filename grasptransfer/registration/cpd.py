@@ -189,7 +189,7 @@ class _Run:
         """Negative log-likelihood and lambda / 2 tr(W^T G W), which EM never lets rise."""
         constant = 1.5 * np.log(2 * np.pi * self.variance) - np.log1p(-self.outlier_weight)
         likelihood = expectation.log_likelihood - len(self.target) * (constant + np.log(self.source.count))
-        bending = 0.5 * self.options.lam * np.square(self.coefficients).sum()
+        bending = 0.5 * self.options.lam * np.vdot(self.coefficients, self.coefficients)
         return float(bending - likelihood + self.known.cost(self.moved))
 
     def _progress(self) -> CpdProgress:

@@ -151,6 +151,8 @@ class Correspondences:
 
     def cost(self, moved: Float[np.ndarray, "n 3"]) -> float:
         """What the pairs add to the objective."""
+        if not len(self.sources):
+            return 0.0
         return float(0.5 / self.variance * np.square(moved[self.sources] - self.targets).sum())
 
 

@@ -124,7 +124,8 @@ class EStep:
     def _follow(self, moved: Float[np.ndarray, "n 3"]):
         """Keep the bounds of the nearest distances true after the source points moved."""
         if self._before is not None:
-            farthest = np.sqrt(np.square(moved - self._before).sum(1).max())
+            step = moved - self._before
+            farthest = np.sqrt(np.einsum("ni,ni->n", step, step).max())
             # Rounding: float32 coordinates of a few units are good to 1e-6.
             self._nearest = np.square(np.sqrt(self._nearest) + farthest + np.float32(1e-6))
         self._before = moved
