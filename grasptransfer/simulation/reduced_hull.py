@@ -29,13 +29,12 @@ def reduced_hull(
     # Alike along all axes: in a thin part the 26 directions would find the same few corners.
     round_part = centred @ axes.T / spread
     chosen = list(dict.fromkeys(np.argmax(round_part @ DIRECTIONS.T, axis=0).tolist()))
-    hull = ConvexHull(vertices[chosen], incremental=True)
     while len(chosen) < most:
-        outside = (vertices @ hull.equations[:, :3].T + hull.equations[:, 3]).max(1)
+        # Qhull adds points one by one less reliably; Q12 lets it merge faces of nearly flat points.
+        faces = ConvexHull(vertices[chosen], qhull_options="Qt Q12").equations
+        outside = (vertices @ faces[:, :3].T + faces[:, 3]).max(1)
         farthest = int(np.argmax(outside))
         if outside[farthest] < tolerance:
             break
         chosen.append(farthest)
-        hull.add_points(vertices[[farthest]])
-    hull.close()
     return vertices[np.sort(chosen)]
