@@ -6,6 +6,11 @@
 | `jacobian` | the TCP, p' = p + v(p) | polar decomposition of J R, J = I + dv/dp |
 | `nearest` | the displacement of the nearest surface point | that point's Jacobian, decomposed |
 
+Measured on the test instances of all shipped categories, moved by their true fields, before refinement
+(265 grasps): `contacts` leaves 254 free, and nine in ten close within 18 degrees of flat; `jacobian` 245 and
+21; `nearest` 244 and 24. Executed (114 of them, lift-shake-v1): 67, 64 and 64 % held, and after refinement
+77, 75 and 77 %. So `contacts` is the default where a grasp has them, and refinement evens the rest out.
+
 The field is learned on the surface: `contacts` and `nearest` ask it there, `jacobian` also beside it.
 Sources: Rodriguez, Huber and Behnke 2020, section III (warping by the field); Arun, Huang and Blostein,
 Least-Squares Fitting of Two 3-D Point Sets, 1987 (rigid fit).
