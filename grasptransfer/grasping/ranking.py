@@ -54,13 +54,13 @@ class Ranking:
     draws: int = 16
     pose_shift: float = 0.002
     pose_turn: float = 0.03
-    bias: float = -5.0
-    clearance: float = 0.9
-    flatness: float = 6.0
-    coverage: float = 1.5
-    moment: float = -2.2
+    bias: float = -2.0
+    clearance: float = 0.7
+    flatness: float = 0.4
+    coverage: float = 2.5
+    moment: float = -0.8
     density: float = 500.0
-    least_chance: float = 0.4
+    least_chance: float = 0.6
 
     @property
     def weights(self) -> Float[np.ndarray, "5"]:
