@@ -50,6 +50,7 @@ def test_every_command_explains_itself(command, capsys):
         (["convert", "a.yaml", "out.txt"], ".npy"),
         (["frames", "panda", "--picture", "x.foo"], "png"),
         (["frames", "panda", "--picture", "no_folder/x.png"], "no_folder"),
+        (["bench", "cpd", "--json", "x.json", "--sizes", "0"], "at least 10"),
         (["bench", "grasp", "--json", "x.json", "--protocol", "throw"], "lift-shake-v1"),
     ],
 )

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from grasptransfer.benchmark.document import document
+from grasptransfer.errors import SettingsError
 from grasptransfer.registration import PreparedSource, cpd
 from grasptransfer.shapes import canonical
 
@@ -89,7 +90,14 @@ def run_cpd_benchmark(
         longest: a peer that would take more seconds than this is extrapolated.
         seed: of the clouds.
         progress: told how many sizes are done, of how many.
+
+    Raises:
+        SettingsError: a cloud of fewer than 10 points, or no repeat.
     """
+    if not sizes or min(sizes) < 10:
+        raise SettingsError("must be clouds of at least 10 points", key="sizes", value=tuple(sizes))
+    if repeats < 1:
+        raise SettingsError("must be at least 1", key="repeats", value=repeats)
     settings = CpdSettings(tuple(sizes), repeats, longest=longest, seed=seed)
     peers = [peer for peer in PEERS if importlib.util.find_spec(peer)]
     _register("grasptransfer", _clouds(60, seed), settings, 2)  # compiles, or loads what was compiled
