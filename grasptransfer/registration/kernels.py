@@ -33,7 +33,8 @@ class LowRankKernel:
         """Of all W with L^T W = coefficients the shortest: it holds nothing that G hardly shows."""
         from scipy.linalg import qr, solve_triangular
 
-        orthogonal, triangular = qr(self.factor, mode="economic")  # holds one copy, NumPy's three
+        # It holds one copy of the factor, NumPy's holds three.
+        orthogonal, triangular = qr(self.factor, mode="economic")  # pyright: ignore[reportAssignmentType]
         return orthogonal @ solve_triangular(triangular, coefficients, trans=1)
 
 
