@@ -3,11 +3,10 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import yaml
-
 from grasptransfer.camera import Camera
 from grasptransfer.category import load_category
 from grasptransfer.errors import CategoryError
+from grasptransfer.files import read_yaml
 from grasptransfer.perception.estimate import Estimator
 from grasptransfer.report.pose_file import load_pose
 from grasptransfer.report.transfer_files import Outcome, execute_best, write_outcome
@@ -41,16 +40,17 @@ def run_demo(
     camera = Camera.load(folder / "camera.yaml")
     flow = GraspTransfer(category, estimator=estimator, seed=seed)
     on_stage("transferring grasps to the mug in the picture")
-    result = flow.transfer(folder / "picture.png", load_pose(folder / "pose.yaml"), camera=camera)
+    told = {"camera": camera, "mask": _told(folder / "box.yaml", "box")}
+    result = flow.transfer(folder / "picture.png", load_pose(folder / "pose.yaml"), **told)
     on_stage(f"{len(result.usable)} of {len(result.grasps)} grasps pass the checks; executing the best")
-    true_mesh = category.instance_mesh(_instance(folder / "truth.yaml"))
+    true_mesh = category.instance_mesh(_told(folder / "truth.yaml", "instance"))
     trials = execute_best(result, true_mesh, load_pose(folder / "truth.yaml"), most=EXECUTED, seed=seed)
     on_stage("writing the report")
     return write_outcome(result, trials, true_mesh, Path(out))
 
 
-def _instance(path: Path) -> str:
-    data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    if "instance" not in data:
-        raise CategoryError("is missing", path=path, key="instance")
-    return data["instance"]
+def _told(path: Path, key: str):
+    data = read_yaml(path, error=CategoryError)
+    if key not in data:
+        raise CategoryError("is missing", path=path, key=key)
+    return data[key]
