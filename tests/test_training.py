@@ -40,6 +40,7 @@ def _build(parent):
     # In this process: the shortened shard length would not reach a spawned one.
     target = parent / CONFIG.digest()
     target.mkdir()
+    (target / "config.json").write_text(json.dumps(dataclasses.asdict(CONFIG)))
     dataset_module._write_sprites(CONFIG, target)
     dataset_module._write_backgrounds(CONFIG, target)
     dataset_module._write_shard(CONFIG, target, 0)
