@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+from bent_ellipsoids import AXES, BACKENDS, bent, ellipsoid, pair
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pycpd import DeformableRegistration
@@ -14,22 +15,6 @@ from grasptransfer.errors import NotSucceeded
 from grasptransfer.registration import CpdStatus, PreparedSource, cpd, cpd_all
 from grasptransfer.registration.blocks import BLOCK, spatial_order
 from grasptransfer.registration.expectation import EStep, Traits
-
-BACKENDS = ["compiled", "numpy"]
-AXES = np.array([0.05, 0.04, 0.1])
-
-
-def ellipsoid(count: int, seed: int) -> np.ndarray:
-    directions = np.random.default_rng(seed).normal(size=(count, 3))
-    return directions / np.linalg.norm(directions, axis=1)[:, None] * AXES
-
-
-def bent(points: np.ndarray) -> np.ndarray:
-    return points * [1.2, 0.9, 1.1] + 0.01 * np.sin(30 * points[:, [1, 2, 0]])
-
-
-def pair(count: int = 150, *, seed: int = 0, target_count: int | None = None):
-    return ellipsoid(count, seed), bent(ellipsoid(target_count or count, seed + 1000))
 
 
 def slow_cpd(source, target, *, beta=2.0, lam=2.0, outlier_weight=0.0, iterations=30):

@@ -24,26 +24,11 @@ bcpd 0.98 where an earlier measurement says so); none reports whether it converg
 
 import numpy as np
 import pytest
+from bent_ellipsoids import BACKENDS, ellipsoid, pair
 from scipy.spatial import cKDTree
 
 from grasptransfer.errors import PointCloudError, SettingsError
 from grasptransfer.registration import cpd
-
-BACKENDS = ["compiled", "numpy"]
-AXES = np.array([0.05, 0.04, 0.1])
-
-
-def ellipsoid(count: int, seed: int) -> np.ndarray:
-    directions = np.random.default_rng(seed).normal(size=(count, 3))
-    return directions / np.linalg.norm(directions, axis=1)[:, None] * AXES
-
-
-def bent(points: np.ndarray) -> np.ndarray:
-    return points * [1.2, 0.9, 1.1] + 0.01 * np.sin(30 * points[:, [1, 2, 0]])
-
-
-def pair(count: int = 150, *, seed: int = 0, target_count: int | None = None):
-    return ellipsoid(count, seed), bent(ellipsoid(target_count or count, seed + 1000))
 
 
 def test_far_outliers_are_refused_or_with_a_weight_ignored():

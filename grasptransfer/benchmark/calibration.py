@@ -15,9 +15,9 @@ from jaxtyping import Float
 
 from grasptransfer import shapes
 from grasptransfer.benchmark.document import document
+from grasptransfer.benchmark.grasp import as_executed
 from grasptransfer.benchmark.seen_instances import Instance, observe_instance
 from grasptransfer.category import load_category
-from grasptransfer.frames import invert
 from grasptransfer.grasping import load_gripper
 from grasptransfer.grasping.ranking import Ranking, expected_success, grasp_features
 from grasptransfer.perception.rendering import Renderer
@@ -164,14 +164,8 @@ def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list
     usable = np.array([i for i, check in enumerate(reached.checks) if check.usable], int)
     rng = np.random.default_rng(settings.seed)
     usable = rng.permutation(usable)[:MOST_GRASPS]  # symmetry families have many members alike
-    true_from_estimated = invert(pose) @ estimate.camera_from_object
-    placed = [
-        replace(
-            reached.grasps[i],
-            object_from_gripper=true_from_estimated @ reached.grasps[i].object_from_gripper,
-        )
-        for i in usable
-    ]
+    chosen = [reached.grasps[i] for i in usable]
+    placed = as_executed(chosen, estimated_pose=estimate.camera_from_object, true_pose=pose)
     trials = simulate(placed, instance.solid, flow.gripper, protocol=settings.protocol, seed=settings.seed)
     return [
         Executed(features[i], trial.status.name == "HELD") for i, trial in zip(usable, trials, strict=True)

@@ -29,7 +29,6 @@ class TrueOffsetsEstimator:
     """The paper's "GT": true offsets at the canonical's visible pixels, completed by the shape space."""
 
     instance: Instance
-    renderer: Renderer
 
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """MAP of the latent under the true offsets of what this view shows."""
@@ -78,7 +77,7 @@ class EstimatorSet:
     def _make(self, name: str, instance: Instance) -> Estimator:
         category = instance.category
         if name == "gt":
-            return TrueOffsetsEstimator(instance, self.renderer)
+            return TrueOffsetsEstimator(instance)
         if name == "rgb":
             return _without_depth(self._picture(category))
         if name == "rgbd":

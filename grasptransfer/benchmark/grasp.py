@@ -1,7 +1,7 @@
 """`bench grasp`: grasps of every estimator, executed in PyBullet on the true mesh of unseen instances."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
@@ -112,12 +112,19 @@ def _execute(
     result: TransferResult, true_pose: np.ndarray, instance: Instance, settings: GraspSettings
 ) -> _Outcome:
     grasps = _best_of_each_family(result.grasps)
-    # The robot moves to where it believes the grasp is in the camera; the object is at its true pose.
-    true_from_estimated = invert(true_pose) @ result.camera_from_object
-    placed = [replace(g, object_from_gripper=true_from_estimated @ g.object_from_gripper) for g in grasps]
+    placed = as_executed(grasps, estimated_pose=result.camera_from_object, true_pose=true_pose)
     trials = simulate(placed, instance.solid, result.gripper, protocol=settings.protocol, seed=settings.seed)
     reasons = [trial.status.name for trial in trials]
     return _Outcome(grasps, [reason == "HELD" for reason in reasons], reasons)
+
+
+def as_executed(grasps: Sequence, *, estimated_pose: np.ndarray, true_pose: np.ndarray) -> list:
+    """The grasps in the frame of the true object, `object_from_gripper` (4, 4) [m] of each replaced.
+
+    The robot moves to where it believes a grasp is in the camera; the object is at its true pose.
+    """
+    true_from_estimated = invert(true_pose) @ estimated_pose
+    return [replace(g, object_from_gripper=true_from_estimated @ g.object_from_gripper) for g in grasps]
 
 
 def _best_of_each_family(grasps: tuple[TransferredGrasp, ...]) -> list[TransferredGrasp]:

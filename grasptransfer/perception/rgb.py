@@ -130,7 +130,7 @@ class RgbEstimator:
             pose, latent = fit.camera_from_object, fit.latent
             clock.lap("fit")
         field = self.category.shape_space.field(fit.latent)
-        score = self._score(fit, look, field)
+        score = self._score(fit, look)
         clock.lap("score")
         status = EstimateStatus.OK if fit.converged else EstimateStatus.NOT_CONVERGED
         return ShapeEstimate(
@@ -162,8 +162,7 @@ class RgbEstimator:
         latent: Float[np.ndarray, "k"],
     ) -> Look:
         """Zoom on the object and let the network compare it with the model at this pose, with this latent."""
-        mean, basis = self._vertex_model
-        vertices = self._vertices + mean + basis @ latent
+        vertices = self._shaped(latent)
         model_box = projected_box(vertices, observation.camera, camera_from_object)
         crop, told = zoom_for(model_box, observation.box)
         camera = zoom_camera(observation.camera, crop)
@@ -206,17 +205,20 @@ class RgbEstimator:
     def _vertex_model(self) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]:
         return self.category.shape_space.displacement_model(self._vertices)
 
+    def _shaped(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
+        mean, basis = self._vertex_model
+        return self._vertices + mean + basis @ latent
+
     def _with_vertices(self, vertices: Float[np.ndarray, "v 3"]) -> trimesh.Trimesh:
         return trimesh.Trimesh(vertices, self.category.canonical.faces, process=False)
 
-    def _score(self, fit: PoseAndShape, look: Look, field) -> float:
+    def _score(self, fit: PoseAndShape, look: Look) -> float:
         """Chance that the object is of the category, in [0, 1], by a logistic model.
 
         Its evidence: what the network says, how well the reconstruction covers the predicted mask, and how
         far the latent lies from the mean.
         """
-        mesh = self.category.canonical.copy()
-        mesh.vertices = field(np.asarray(mesh.vertices))
+        mesh = self._with_vertices(self._shaped(fit.latent))
         silhouette = (
             self.renderer.depth(mesh, look.camera, fit.camera_from_object)[2::MASK_STRIDE, 2::MASK_STRIDE] > 0
         )

@@ -16,6 +16,7 @@ from grasptransfer.category import load_category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.augmentation import Inputs, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
+from grasptransfer.perception.estimators import check_device
 from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.prefetch import prefetch
@@ -238,8 +239,7 @@ def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) ->
 
 def choose_device(device: str) -> str:
     """ "cpu" or "cuda"; "auto" takes a GPU where there is one."""
+    check_device(device)
     if device == "auto":
         return "cuda" if torch.cuda.is_available() else "cpu"
-    if device not in ("cpu", "cuda"):
-        raise SettingsError("unknown device", key="device", value=device, choices=["auto", "cpu", "cuda"])
     return device
