@@ -150,6 +150,7 @@ def _row(instance: Instance, estimator: str, views: list[_Outcome]) -> dict:
         "grasps": len(held),
         "success": float(np.mean(held)),
         "top1": float(np.mean(top)),
+        "without_usable": sum(not any(g.usable for g in view.grasps) for view in views),
         "usable": len(usable),
         "usable_held": int(sum(usable)),
         "reasons": dict(Counter(reason for view in views for reason in view.reasons)),
@@ -166,6 +167,10 @@ def _summary(rows: list[dict], settings: GraspSettings) -> dict:
         summary[f"usable_precision_{name}"] = (
             sum(row["usable_held"] for row in group) / usable if usable else None
         )
+        views, without = (sum(row[key] for row in group) for key in ("views", "without_usable"))
+        summary[f"without_usable_{name}"] = without / views
+        top = sum(row["top1"] * row["views"] for row in group)
+        summary[f"top1_where_usable_{name}"] = top / (views - without) if views > without else None
     if "rgb" in settings.estimators:
         summary["usable_precision"] = summary["usable_precision_rgb"]
         for other in {"rigid", "similarity"} & set(settings.estimators):
