@@ -7,9 +7,10 @@ matrix product, already shifted by the bound of each target's nearest distance.
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.registration.blocks import BLOCK
+from grasptransfer.registration.blocks import BLOCK, GROUP
 
-CHUNK = 64  # target points at once
+CHUNK = 256  # target points at once, at most
+CHUNK_PAIRS = 600_000  # about so many pairs at once: they stay in the cache
 SMALL = 60.0  # exponents that float32 holds with ease
 COARSE = 2000.0  # |y|^2 / sigma^2 above which |x|^2 - 2 x y + |y|^2 in float32 is too coarse
 
@@ -27,11 +28,15 @@ def expect(
     sums = np.zeros((4, moved.shape[1]))
     squared = likelihood = 0.0
     half = np.float32(0.5 / variance)
-    for start in range(first, last, CHUNK):
-        chunk = slice(start, min(start + CHUNK, last))
+    size = min(CHUNK, max(CHUNK_PAIRS // moved.shape[1], GROUP))
+    starts = range(first, last, size)
+    reached, shifts, centres = _near(targets[:, first:last], size, corners, nearest[first:last], reach)
+    for start, close, centre in zip(starts, reached, centres, strict=True):
+        chunk = slice(start, min(start + size, last))
         points = targets[:, chunk]
-        near, shift = _near(points, corners, nearest[chunk], reach, moved.shape[1])
-        exponent = _exponents(points, moved[:, near], shift, half)
+        near = slice(None) if close.all() else np.repeat(close, BLOCK)[: moved.shape[1]].nonzero()[0]
+        shift = shifts[start - first : chunk.stop - first]
+        exponent = _exponents(points - centre, moved[:, near] - centre, shift, half)
         best = exponent.max(1)
         nearest[chunk] = np.maximum(shift - best / half, 0)
         distance = None
@@ -43,8 +48,8 @@ def expect(
             exponent -= best[:, None]
             shift = shift - best / half
         power = np.exp(exponent)
-        total = power.sum(1)
-        log_inlier = np.log(total.astype(float)) - half * shift
+        total = power @ np.ones(power.shape[1], np.float32)
+        log_inlier = np.log(total) - half * shift
         log_all = np.logaddexp(log_inlier, log_outlier)
         inlier[chunk] = np.exp(log_inlier - log_all)
         share = inlier[chunk] / total
@@ -53,22 +58,29 @@ def expect(
         else:
             squared += float(share @ np.einsum("gn,gn->g", power, distance))
         likelihood += float(log_all.sum())
-        weighted = np.concatenate([np.ones((1, points.shape[1]), np.float32), points]) * share
-        sums[:, near] += weighted.astype(np.float32) @ power
+        weighted = np.ones((4, len(shift)), np.float32)
+        weighted[1:] = points
+        weighted *= share
+        sums[:, near] += weighted @ power
     return sums, squared, likelihood
 
 
-def _near(points, corners, bounds, reach, count):
-    """Source points that matter to these targets, and their bounds of the nearest squared distance.
+def _near(targets, size, corners, bounds, reach):
+    """For each chunk: boxes that matter to it, bounds of the nearest squared distances, and its middle.
 
     As `_near_boxes` of the compiled kernel.
     """
-    low, high = points.min(1)[:, None], points.max(1)[:, None]
-    gap = np.maximum(np.maximum(corners[0] - high, low - corners[1]), 0)
-    span = np.maximum(corners[1] - low, high - corners[0])
-    bounds = np.minimum(bounds, np.square(span).sum(0).min())
-    close = np.square(gap).sum(0) <= bounds.max() + reach
-    return slice(None) if close.all() else np.flatnonzero(np.repeat(close, BLOCK)[:count]), bounds
+    starts = np.arange(0, targets.shape[1], size)
+    low = np.minimum.reduceat(targets, starts, axis=1)
+    high = np.maximum.reduceat(targets, starts, axis=1)
+    gaps = spans = np.float32(0)
+    for axis in range(3):
+        above, below = corners[0][axis] - high[axis, :, None], low[axis, :, None] - corners[1][axis]
+        spans = spans + np.square(np.minimum(above, below))  # to the far side, of both the larger
+        gaps = gaps + np.square(np.maximum(np.maximum(above, below), 0))
+    bounds = np.minimum(bounds, np.repeat(spans.min(1), size)[: len(bounds)])
+    limits = np.maximum.reduceat(bounds, starts) + reach
+    return gaps <= limits[:, None], bounds, ((low + high) / 2).T[:, :, None]
 
 
 def _exponents(
@@ -77,15 +89,18 @@ def _exponents(
     shift: Float[np.ndarray, "g"],
     half: np.float32,
 ) -> Float[np.ndarray, "g n"]:
-    """(shift - |x - y|^2) / (2 sigma^2), by one matrix product centred on the chunk, or from differences."""
-    centre = points.mean(1)[:, None]
-    points, moved = points - centre, moved - centre
+    """(shift - |x - y|^2) / (2 sigma^2), by one matrix product or from differences; both clouds near 0."""
     lengths = np.einsum("in,in->n", moved, moved)
     if lengths.max() * half > COARSE / 2:
         return _exponents_by_difference(points, moved, shift, half)
-    own = half * (shift - np.einsum("ig,ig->g", points, points))
-    left = np.concatenate([(2 * half) * points, own[None], np.full((1, len(own)), -half)])
-    return left.T @ np.concatenate([moved, np.ones((1, len(lengths)), np.float32), lengths[None]])
+    left, right = np.ones((5, points.shape[1]), np.float32), np.ones((5, moved.shape[1]), np.float32)
+    left[:3], left[3], left[4] = (
+        2 * half * points,
+        half * (shift - np.einsum("ig,ig->g", points, points)),
+        -half,
+    )
+    right[:3], right[4] = moved, lengths
+    return left.T @ right
 
 
 def _exponents_by_difference(points, moved, shift, half):
