@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from grasptransfer.camera import Camera
 from grasptransfer.files import replacing
@@ -38,12 +38,18 @@ TABLE = (0.5, 0.5, 0.01)  # m
 
 
 def movie(
-    trial: "TrialResult", mesh: trimesh.Trimesh, gripper: "Gripper", studio: Studio
+    trial: "TrialResult",
+    mesh: trimesh.Trimesh,
+    gripper: "Gripper",
+    studio: Studio,
+    *,
+    moments: Int[np.ndarray, "t"] | None = None,
 ) -> list[UInt8[np.ndarray, "h w 3"]]:
     """Frames of a recorded trial; empty where nothing was recorded.
 
     Args:
         mesh: what was executed on, object frame [m].
+        moments: indices into the recording; None: at most `MOST_FRAMES`, evenly spread.
     """
     recording = trial.recording
     if recording is None:
@@ -54,7 +60,8 @@ def movie(
     shapes = {k.name: k.visual for k in gripper.links if k.visual is not None and k.name in known}
     parts = [painted(mesh, OBJECT)]
     parts += [painted(shape, colour if name in pads else HAND) for name, shape in shapes.items()]
-    moments = np.unique(np.linspace(0, len(recording.seconds) - 1, MOST_FRAMES).round().astype(int))
+    if moments is None:
+        moments = np.unique(np.linspace(0, len(recording.seconds) - 1, MOST_FRAMES).round().astype(int))
     poses = [recording.world_from_object[moments]]
     poses += [recording.world_from_link[name][moments] for name in shapes]
     holding = [True] + [name in pads for name in shapes]
