@@ -10,35 +10,20 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from grasptransfer.category.assemble import write_category
-from grasptransfer.category.choices import (
-    Chosen,
-    Options,
-    choose_canonical,
-    choose_settings,
-    fields_of,
-    register,
-    starts_of,
-)
-from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
-from grasptransfer.category.learning import FEWEST, Distances
-from grasptransfer.category.orientation import agreed_turn
-from grasptransfer.category.outcome import Candidate, CategoryBuild, Registration
+from grasptransfer.category.category import Category
+from grasptransfer.category.choices import Options
+from grasptransfer.category.learning import FEWEST
+from grasptransfer.category.learnt import LearntCategory, learn_category
+from grasptransfer.category.outcome import CategoryBuild
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.category.sources import Source, find_sources, frame_rotation
-from grasptransfer.category.tasks import (
-    COMPARED_POINTS,
-    learn,
-    mesh_of,
-    prepare_instance,
-    thinned,
-)
+from grasptransfer.category.tasks import prepare_instance
 from grasptransfer.category.workshop import Arrays, Progress, Workshop
 from grasptransfer.errors import CategoryError, SettingsError
 from grasptransfer.files import sha256
-from grasptransfer.registration import ShapeSpace
+from grasptransfer.registration import Metric
 
 
 def build_category(
@@ -56,7 +41,7 @@ def build_category(
     outlier_weight: float = 0.0,
     modes: int | None = None,
     flexibility: float | None = None,
-    metric: str = "GW",
+    metric: Metric = "GW",
     control_points: int = 650,
     workers: int = 2,
     overwrite: bool = False,
@@ -104,40 +89,18 @@ def build_category(
     split = {source.name: source.test for source in sources}
     with Workshop(kept, workers=workers, progress=progress) as workshop:
         prepared = _prepare(workshop, sources, scale, frame_rotation(front, up))
-        train = {one: arrays for one, arrays in prepared.items() if not split[one]}
-        candidates: tuple[Candidate, ...] = ()
-        if canonical is None:
-            candidates = choose_canonical(workshop, train, options)
-            canonical = candidates[0].name
-        control, voxel = _control_points(prepared[canonical], control_points)
-        model = prepared[canonical]["points"]
-        how = {"kernels": options.kernels(), "outlier_weight": outlier_weight}
-        registered = register(workshop, train, canonical, control, model, **how)
-        chosen, trials = choose_settings(workshop, train, registered, control, options)
-        how["kernels"] = [(chosen.beta, chosen.lam)]
-        found = register(workshop, prepared, canonical, control, model, **how)
-        learnt, space = _learn(workshop, prepared, train, found, model, control, chosen, metric)
-        registered = {one: arrays for (one, _, _), arrays in found.items()}
-        registrations = _registrations(split, prepared, registered, learnt, canonical)
+        learnt = learn_category(workshop, prepared, split, canonical=canonical, options=options)
         progress(Progress("write", 0, 1))
-        category = write_category(
-            out,
-            name,
-            description=description,
-            split=Split(
-                canonical=canonical, train=tuple(train), test=tuple(one for one in split if split[one])
-            ),
-            settings=_settings(chosen, space, outlier_weight, voxel, len(train)),
-            measured=_measured(registrations, canonical, learnt["explained"], chosen.modes),
-            canonical_glb=prepared[canonical]["glb"].tobytes(),
-            instance_glbs={one: arrays["glb"].tobytes() for one, arrays in prepared.items()},
-            shape_space=space,
-            weights={one: registered[one]["weights"] for one in sorted(split, key=lambda one: split[one])},
-        )
+        category = _write(out, name, learnt, prepared, split=split, options=options, description=description)
         progress(Progress("write", 1, 1, name))
-        seconds = time.perf_counter() - start
         built = CategoryBuild(
-            category, canonical, candidates, trials, registrations, learnt["explained"], seconds
+            category,
+            learnt.canonical,
+            learnt.candidates,
+            learnt.trials,
+            learnt.registrations,
+            learnt.explained,
+            time.perf_counter() - start,
         )
         finish(built)
         workshop.clear()
@@ -175,84 +138,51 @@ def _prepare(workshop: Workshop, sources: list[Source], scale: float, rotation) 
     return workshop.map("check", prepare_instance, given)
 
 
-def _control_points(model: Arrays, count: int) -> tuple[Float[np.ndarray, "n 3"], float]:
-    """Points of the canonical model, and the edge of the voxel filter that left them [m]."""
-    points = model["points"] if model["is_cloud"] else visible_surface(mesh_of(model["glb"]))[0]
-    voxel = voxel_for(points, min(count, len(points)))
-    return points[voxel_filter(points, voxel)], voxel
+def _write(
+    out: Path,
+    name: str,
+    learnt: LearntCategory,
+    prepared: dict[str, Arrays],
+    *,
+    split: dict[str, bool],
+    options: Options,
+    description: str,
+) -> Category:
+    train = tuple(one for one in split if not split[one])
+    test = tuple(one for one in split if split[one])
+    return write_category(
+        out,
+        name,
+        description=description,
+        split=Split(canonical=learnt.canonical, train=train, test=test),
+        settings=_settings(learnt, options, len(train)),
+        measured=_measured(learnt),
+        canonical_glb=prepared[learnt.canonical]["glb"].tobytes(),
+        instance_glbs={one: arrays["glb"].tobytes() for one, arrays in prepared.items()},
+        shape_space=learnt.space,
+        weights={one: learnt.weights[one] for one in (*train, *test)},
+    )
 
 
-def _learn(workshop, prepared: dict[str, Arrays], train, registered, model, control, chosen, metric):
-    """Final shape space, and what was measured with it."""
-    others = [name for name in prepared if name not in train]
-    clouds = [prepared[name]["points"] for name in (*train, *others)]
-    given = fields_of(train, registered, control, chosen.beta, chosen.lam) | {
-        "modes": chosen.modes,
-        "flexibility": chosen.flexibility,
-        "metric": metric,
-        "model": model,
-        "clouds": np.concatenate(clouds),
-        "starts": starts_of(clouds),
-    }
-    learnt = workshop.map("learn", learn, {"shape_space": given})["shape_space"]
-    errors = dict(zip((*train, *others), learnt.pop("fitted_error"), strict=True))
-    normaliser = (given["centre"], given["scale"])
-    found = (learnt["mean"], learnt["basis"], learnt["variances"], float(learnt["noise_variance"]))
-    space = ShapeSpace(control, chosen.beta, *normaliser, *found, metric)
-    return {**learnt, "fitted_error": errors}, space
-
-
-def _registrations(
-    split: dict[str, bool], prepared, registered, learnt, canonical: str
-) -> tuple[Registration, ...]:
-    small = {name: thinned(arrays["points"], COMPARED_POINTS) for name, arrays in prepared.items()}
-    train = [name for name, test in split.items() if not test]
-    found = []
-    for name, test in split.items():
-        arrays, result = prepared[name], registered[name]
-        number = None if test else train.index(name)
-        found.append(
-            Registration(
-                name=name,
-                test=test,
-                is_cloud=bool(arrays["is_cloud"]),
-                faces=int(arrays["faces"]),
-                extents=arrays["extents"],
-                notes=tuple(str(note) for note in arrays["notes"] if note),
-                turn=agreed_turn(small[canonical], small[name], [small[one] for one in train if one != name]),
-                points=arrays["points"],
-                before=Distances(*(float(number) for number in result["before"])),
-                after=Distances(*(float(number) for number in result["after"])),
-                status=str(result["status"]),
-                fitted_error=float(learnt["fitted_error"][name]),
-                left_out_rms=None if number is None else float(learnt["left_out_rms"][number]),
-            )
-        )
-    return tuple(found)
-
-
-def _settings(
-    chosen: Chosen, space: ShapeSpace, outlier_weight: float, voxel: float, samples: int
-) -> Settings:
-    return Settings(  # pyright: ignore[reportCallIssue]  knows `lam` by its name in the file alone
-        beta=chosen.beta,
-        lam=chosen.lam,  # pyright: ignore[reportCallIssue]
-        modes=space.n_modes,
-        flexibility=chosen.flexibility,
-        metric=space.metric,  # pyright: ignore[reportArgumentType]  checked by the shape space
+def _settings(learnt: LearntCategory, options: Options, samples: int) -> Settings:
+    return Settings(
+        beta=learnt.chosen.beta,
+        lam=learnt.chosen.lam,
+        modes=learnt.space.n_modes,
+        flexibility=learnt.chosen.flexibility,
+        metric=learnt.space.metric,
         correspondences="cpd",
-        outlier_weight=outlier_weight,
-        control_points=len(space.control_points),
-        voxel=voxel,
+        outlier_weight=options.outlier_weight,
+        control_points=len(learnt.space.control_points),
+        voxel=learnt.voxel,
         samples=samples,
     )
 
 
-def _measured(
-    registrations: tuple[Registration, ...], canonical: str, explained, modes: int
-) -> dict[str, float]:
+def _measured(learnt: LearntCategory) -> dict[str, float]:
+    registrations = learnt.registrations
     # The canonical model cannot be left out: the control points are its own.
-    left_out = [one for one in registrations if not one.test and one.name != canonical]
+    left_out = [one for one in registrations if not one.test and one.name != learnt.canonical]
     rms = np.array([one.left_out_rms for one in left_out])
     error = np.array([one.fitted_error for one in left_out])
     seen = {
@@ -267,4 +197,4 @@ def _measured(
     if test:
         seen["test_error_um2"] = 1e6 * np.mean(test)
     measured = {key: round(float(value), 4) for key, value in seen.items()}
-    return {**measured, "explained_variance": round(float(explained[modes - 1]), 6)}
+    return {**measured, "explained_variance": round(float(learnt.explained[learnt.chosen.modes - 1]), 6)}

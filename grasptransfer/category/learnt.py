@@ -1,0 +1,145 @@
+"""What the prepared instances teach: canonical model, registrations, settings and shape space."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.category.choices import (
+    Chosen,
+    Options,
+    choose_canonical,
+    choose_settings,
+    fields_of,
+    register,
+    starts_of,
+)
+from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
+from grasptransfer.category.learning import Distances
+from grasptransfer.category.orientation import agreed_turn
+from grasptransfer.category.outcome import Candidate, Registration, Trial
+from grasptransfer.category.tasks import COMPARED_POINTS, learn, mesh_of, thinned
+from grasptransfer.category.workshop import Arrays, Workshop
+from grasptransfer.registration import ShapeSpace
+
+
+@dataclass(frozen=True)
+class LearntCategory:
+    """All of a category but its files.
+
+    Args:
+        canonical: name of the instance that is the canonical model.
+        candidates, trials, registrations, explained: as of `CategoryBuild`.
+        chosen: settings of the registrations and the shape space.
+        space: of the train instances.
+        voxel: edge of the filter that left the control points [m].
+        weights: (n, 3) of each instance's field, normalised units, by name.
+    """
+
+    canonical: str
+    candidates: tuple[Candidate, ...]
+    trials: tuple[Trial, ...]
+    registrations: tuple[Registration, ...]
+    explained: Float[np.ndarray, "k"]
+    chosen: Chosen
+    space: ShapeSpace
+    voxel: float
+    weights: dict[str, Float[np.ndarray, "n 3"]]
+
+
+def learn_category(
+    workshop: Workshop,
+    prepared: dict[str, Arrays],
+    split: dict[str, bool],
+    *,
+    canonical: str | None,
+    options: Options,
+) -> LearntCategory:
+    """Choose the canonical model and the settings, register it to every instance, learn the shape space.
+
+    Args:
+        prepared: instances by name, as of `prepare_instance`.
+        split: whether each is a test instance.
+        canonical: name of the instance to take; None takes the best scored.
+    """
+    train = {one: arrays for one, arrays in prepared.items() if not split[one]}
+    candidates: tuple[Candidate, ...] = ()
+    if canonical is None:
+        candidates = choose_canonical(workshop, train, options)
+        canonical = candidates[0].name
+    control, voxel = _control_points(prepared[canonical], options.control_points)
+    model = prepared[canonical]["points"]
+    how = {"kernels": options.kernels(), "outlier_weight": options.outlier_weight}
+    registered = register(workshop, train, canonical, control, model, **how)
+    chosen, trials = choose_settings(workshop, train, registered, control, options)
+    how["kernels"] = [(chosen.beta, chosen.lam)]
+    found = register(workshop, prepared, canonical, control, model, **how)
+    learnt, space = _learn(workshop, prepared, train, found, model, control, chosen, options.metric)
+    registered = {one: arrays for (one, _, _), arrays in found.items()}
+    return LearntCategory(
+        canonical=canonical,
+        candidates=candidates,
+        trials=trials,
+        registrations=_registrations(split, prepared, registered, learnt, canonical),
+        explained=learnt["explained"],
+        chosen=chosen,
+        space=space,
+        voxel=voxel,
+        weights={one: arrays["weights"] for one, arrays in registered.items()},
+    )
+
+
+def _control_points(model: Arrays, count: int) -> tuple[Float[np.ndarray, "n 3"], float]:
+    """Points of the canonical model, and the edge of the voxel filter that left them [m]."""
+    points = model["points"] if model["is_cloud"] else visible_surface(mesh_of(model["glb"]))[0]
+    voxel = voxel_for(points, min(count, len(points)))
+    return points[voxel_filter(points, voxel)], voxel
+
+
+def _learn(workshop, prepared: dict[str, Arrays], train, registered, model, control, chosen, metric):
+    """Final shape space, and what was measured with it."""
+    others = [name for name in prepared if name not in train]
+    clouds = [prepared[name]["points"] for name in (*train, *others)]
+    given = fields_of(train, registered, control, chosen.beta, chosen.lam) | {
+        "modes": chosen.modes,
+        "flexibility": chosen.flexibility,
+        "metric": metric,
+        "model": model,
+        "clouds": np.concatenate(clouds),
+        "starts": starts_of(clouds),
+    }
+    learnt = workshop.map("learn", learn, {"shape_space": given})["shape_space"]
+    errors = dict(zip((*train, *others), learnt.pop("fitted_error"), strict=True))
+    normaliser = (given["centre"], given["scale"])
+    found = (learnt["mean"], learnt["basis"], learnt["variances"], float(learnt["noise_variance"]))
+    space = ShapeSpace(control, chosen.beta, *normaliser, *found, metric)
+    return {**learnt, "fitted_error": errors}, space
+
+
+def _registrations(
+    split: dict[str, bool], prepared, registered, learnt, canonical: str
+) -> tuple[Registration, ...]:
+    small = {name: thinned(arrays["points"], COMPARED_POINTS) for name, arrays in prepared.items()}
+    train = [name for name, test in split.items() if not test]
+    found = []
+    for name, test in split.items():
+        arrays, result = prepared[name], registered[name]
+        number = None if test else train.index(name)
+        found.append(
+            Registration(
+                name=name,
+                test=test,
+                is_cloud=bool(arrays["is_cloud"]),
+                faces=int(arrays["faces"]),
+                extents=arrays["extents"],
+                notes=tuple(str(note) for note in arrays["notes"] if note),
+                turn=agreed_turn(small[canonical], small[name], [small[one] for one in train if one != name]),
+                points=arrays["points"],
+                before=Distances(*(float(number) for number in result["before"])),
+                after=Distances(*(float(number) for number in result["after"])),
+                status=str(result["status"]),
+                fitted_error=float(learnt["fitted_error"][name]),
+                left_out_rms=None if number is None else float(learnt["left_out_rms"][number]),
+            )
+        )
+    return tuple(found)
