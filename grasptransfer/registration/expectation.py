@@ -17,6 +17,7 @@ import importlib.util
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from jaxtyping import Float
@@ -122,7 +123,7 @@ class EStep:
         waiting = [submit(self._task, *piece, corners, *arguments) for piece in ranges[1:]] if submit else []
         parts = [self._task(*ranges[0], corners, *arguments), *(future.result() for future in waiting)]
         sums, squared, likelihoods = zip(*parts, strict=True)
-        total = sum(sums[1:], sums[0]).astype(float)
+        total = reduce(np.add, sums).astype(float)
         unordered = np.empty_like(inlier)
         unordered[self._order] = inlier
         return Expectation(total[0], total[1:].T, unordered, sum(squared), sum(likelihoods))
@@ -146,7 +147,7 @@ class EStep:
 
         boxes = np.ascontiguousarray(self._rows.reshape(len(self._rows), -1, BLOCK).transpose(1, 0, 2))
         sums = np.zeros((len(boxes), 4, BLOCK), np.float32)
-        squared, likelihood = expect(self._target, first, last, boxes, *corners, *arguments, sums)
+        squared, likelihood = expect(self._target, first, last, boxes, *corners, *arguments, sums=sums)
         return sums.transpose(1, 0, 2).reshape(4, -1)[:, : self._count], squared, likelihood
 
     def _ordered_traits(self, traits: Traits | None):
