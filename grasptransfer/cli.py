@@ -46,6 +46,8 @@ def train(
 ) -> int:
     """Render training pictures and train a network; started again, it goes on where it stopped.
 
+    Started again with more steps, a finished run is prolonged.
+
     Args:
         categories: trained together in one network; none given: all shipped ones.
         run: folder of data, checkpoint and log.
@@ -56,7 +58,7 @@ def train(
         steps: optimiser steps.
         batch: samples a step.
         echo: how often each augmented batch is used; 2 halves what preparing them costs.
-        learning_rate: peak of the one-cycle schedule.
+        learning_rate: peak; it falls over the last 30 % of the steps.
         seed: of everything random.
         device: auto, cpu or cuda.
         workers: rendering processes.

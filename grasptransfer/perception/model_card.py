@@ -49,7 +49,8 @@ def _card(weights: Path, config: TrainingConfig, scores: dict[str, float], run_f
         "category.",
         f"- **Data**: {config.samples} pictures of random parametric shapes, rendered with random cameras, "
         "lights, materials and pose errors; backgrounds, occluders and camera faults are drawn anew in every "
-        "batch. No photograph and no scan was used.",
+        "batch. No photograph and no scan was used, but for the ImageNet pictures behind the picture "
+        "features (EfficientNet-Lite0, kept as it is).",
         f"- **Seed**: {config.seed}; held-out shapes: seed {config.seed + HELD_OUT_SEED}.",
         f"- **Training**: {config.steps} steps of {config.batch}, {hours:.2f} h on {_device()}, bfloat16.",
         f"- **Command**: `grasptransfer train {' '.join(config.categories)} {options}`",
