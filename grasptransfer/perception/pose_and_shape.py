@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
 from grasptransfer.perception.silhouette import Silhouette
+from grasptransfer.registration import PosePrior
 
 # Neighbouring cells err together, and much of what they say the latent prior from the same picture has
 # said already: all cells count as much as this many independent ones.
@@ -21,22 +22,10 @@ INDEPENDENT_CELLS = 0.6
 ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
 TAIL = 3.0  # degrees of freedom of the pose prior, a Student t distribution
+TOLD_POSE = PosePrior(np.deg2rad(1.0), 0.005)  # how far a told pose may be wrong
 # When the vertices on the outline are searched: once flow and offsets have brought it near, and then
 # again; after that they stay, or the fit would jump between neighbouring vertices for ever.
 OUTLINE_SEARCHES = (3, 6, 9)
-
-
-@dataclass(frozen=True)
-class PosePrior:
-    """How far the told pose may be wrong: standard deviations.
-
-    Args:
-        rotation: about each axis [rad].
-        translation: along each axis [m].
-    """
-
-    rotation: float = np.deg2rad(1.0)
-    translation: float = 0.005
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, MASK_STRIDE, OFFSET_UNIT, Prediction
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import (
+    TOLD_POSE,
     LatentPrior,
     Motion,
     Outline,
     PoseAndShape,
-    PosePrior,
     fit_pose_and_shape,
 )
 from grasptransfer.perception.rendering import Renderer
@@ -37,6 +37,7 @@ from grasptransfer.perception.zoom import (
     zoom_camera,
     zoom_picture,
 )
+from grasptransfer.registration import PosePrior
 
 LOOKS = 2
 ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
@@ -92,7 +93,7 @@ class RgbEstimator:
         from grasptransfer.perception.training import choose_device
 
         self.category, self.refine_pose = category, refine_pose
-        self.pose_prior = pose_prior or PosePrior()
+        self.pose_prior = pose_prior or TOLD_POSE
         path = weights or find_weights(category.name)
         self.network, info = load_weights(path)
         self._number = list(info.categories).index(category.name) if category.name in info.categories else -1
