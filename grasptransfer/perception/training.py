@@ -22,7 +22,7 @@ from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.weights import WeightsInfo, save_weights
 
-CHECKPOINT_STEPS = 250
+CHECKPOINT_STEPS, LOGGED_STEPS = 250, 50
 ECHO_WINDOW = 8  # batches between two uses of the same one
 WARM_UP = 300  # steps until the learning rate has risen to its peak
 DECAY = 0.3  # the last share of the steps, over which it falls to zero
@@ -100,23 +100,7 @@ def train(
         torch.distributed.barrier()
     training_set, held_out_set = _data_sets(config, run_folder, workers, None)
     run = _Run(config, run_folder, torch.device(choose_device(device)), rank, world)
-    numbers = [_batch_number(step, config.echo) for step in range(run.step, config.steps)]
-    batches = prefetch(lambda number: run.batch_of(number, training_set), numbers, reuse=ECHO_WINDOW)
-    clock, since = time.monotonic(), run.step
-    recent: list[dict[str, torch.Tensor]] = []
-    for inputs, targets in batches:
-        recent.append(run.advance(inputs, targets))
-        if rank == 0 and (run.step % 50 == 0 or run.step == config.steps):
-            spent = time.monotonic() - clock
-            speed = (run.step - since) * config.batch / spent
-            clock, since, run.seconds = clock + spent, run.step, run.seconds + spent
-            values = {name: float(np.mean([terms[name].item() for terms in recent])) for name in recent[0]}
-            recent.clear()
-            run.log(values)
-            if on_step:
-                on_step(Progress(run.step, config.steps, values, speed))
-        if rank == 0 and run.step % CHECKPOINT_STEPS == 0:
-            run.save()
+    run.finish(training_set, on_step)
     scores = evaluate(run.network, held_out_set, config)
     if rank == 0:
         run.save()
@@ -160,6 +144,30 @@ class _Run:
         self.step, self.seconds = 0, 0.0
         self._restore()
         self.parallel = DistributedDataParallel(self.network) if world > 1 else self.network
+
+    def finish(self, dataset: Dataset, on_step: Callable[[Progress], None] | None):
+        """All steps that are left, logged and saved as they go."""
+        numbers = [_batch_number(step, self.config.echo) for step in range(self.step, self.config.steps)]
+        batches = prefetch(lambda number: self.batch_of(number, dataset), numbers, reuse=ECHO_WINDOW)
+        clock, since = time.monotonic(), self.step
+        recent: list[dict[str, torch.Tensor]] = []
+        for inputs, targets in batches:
+            recent.append(self.advance(inputs, targets))
+            if self.rank:
+                continue
+            if self.step % LOGGED_STEPS == 0 or self.step == self.config.steps:
+                spent = time.monotonic() - clock
+                speed = (self.step - since) * self.config.batch / spent
+                clock, since, self.seconds = clock + spent, self.step, self.seconds + spent
+                values = {
+                    name: float(np.mean([terms[name].item() for terms in recent])) for name in recent[0]
+                }
+                recent.clear()
+                self.log(values)
+                if on_step:
+                    on_step(Progress(self.step, self.config.steps, values, speed))
+            if self.step % CHECKPOINT_STEPS == 0:
+                self.save()
 
     def batch_of(self, number: int, dataset: Dataset):
         # Every batch follows from its number alone, so a resumed run sees what an unbroken one would.
