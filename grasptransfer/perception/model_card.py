@@ -48,7 +48,7 @@ def _card(
                 ("objects of this and of other categories told apart", f"{scores['match']:.1%}"),
             ],
         ),
-        "## Confidence\n\nFitted after training to other shapes and to strangers (`perception/confidence.py`), "
+        "## Confidence\n\nFitted after training to other shapes and to strangers (`confidence.py`), "
         "and kept in the weight file: "
         + ", ".join(f"{name} {value:.3g}" for name, value in confidence.as_data().items())
         + ".",
