@@ -165,7 +165,8 @@ class _Evidence:
         ]
         if self.outline is not None and self.border is not None:
             terms.append(_outline_terms(self.outline, self.border, latent, pose))
-        return sum(hessian for hessian, _ in terms), sum(gradient for _, gradient in terms)
+        hessians, gradients = zip(*terms, strict=True)
+        return np.sum(hessians, axis=0), np.sum(gradients, axis=0)
 
 
 @dataclass(frozen=True)

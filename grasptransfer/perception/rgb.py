@@ -18,7 +18,14 @@ from grasptransfer.perception.augmentation import network_input
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.confidence import Evidence, evidence
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
-from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, MASK_STRIDE, OFFSET_UNIT, Prediction
+from grasptransfer.perception.networks import (
+    FLOW_UNIT,
+    LATENT_SIZE,
+    MASK_STRIDE,
+    OFFSET_UNIT,
+    Prediction,
+    channels_last,
+)
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import (
     TOLD_POSE,
@@ -103,7 +110,7 @@ class RgbEstimator:
                 fix=f"Train again: grasptransfer train {category.name}",
             )
         self.device = torch.device(choose_device(device))
-        self.network.to(self.device, memory_format=torch.channels_last)
+        channels_last(self.network, self.device)
         self.renderer = renderer or Renderer()
 
     def __call__(self, observation: Observation) -> ShapeEstimate:

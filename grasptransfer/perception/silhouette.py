@@ -78,7 +78,8 @@ class Silhouette:
 def _signed_distance(mask: np.ndarray) -> Float[np.ndarray, "h w"]:
     if mask.all() or not mask.any():
         return np.full(mask.shape, np.inf if mask.all() else -np.inf)
-    return distance_transform_edt(mask) - distance_transform_edt(~mask) - np.where(mask, 0.5, -0.5)
+    inside, outside = np.asarray(distance_transform_edt(mask)), np.asarray(distance_transform_edt(~mask))
+    return inside - outside - np.where(mask, 0.5, -0.5)
 
 
 def _sample(picture: Float[np.ndarray, "h w"], pixels: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p"]:

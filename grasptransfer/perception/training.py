@@ -18,7 +18,7 @@ from grasptransfer.perception.augmentation import Inputs, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
 from grasptransfer.perception.estimators import check_device
 from grasptransfer.perception.losses import training_loss
-from grasptransfer.perception.networks import build_network
+from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.weights import WeightsInfo, save_weights
 
@@ -137,7 +137,7 @@ class _Run:
         torch.manual_seed(config.seed)
         self.config, self.folder, self.device, self.rank, self.world = config, folder, device, rank, world
         self.network = build_network(config.network, len(config.categories))
-        self.network.to(device, memory_format=torch.channels_last)
+        channels_last(self.network, device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )

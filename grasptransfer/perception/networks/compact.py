@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from grasptransfer.perception.networks import LATENT_SIZE, Prediction
+from grasptransfer.perception.networks import LATENT_SIZE, Prediction, channels_last
 from grasptransfer.perception.networks.picture_features import FEATURES, load_picture_features
 
 WIDTHS = (32, 64, 128, 208)  # channels at strides 4, 8, 16, 32
@@ -64,13 +64,12 @@ class CompactFlowNet(nn.Module):
             ResidualBlock(WIDTHS[0]),
             nn.Conv2d(WIDTHS[0], 1, 3, 1, 1),
         )
-        for head in (self.motion, self.latent):
-            nn.init.zeros_(head.weight)
-            nn.init.zeros_(head.bias)
+        for parameter in (*self.motion.parameters(), *self.latent.parameters()):
+            nn.init.zeros_(parameter)
 
     def picture_features(self, pictures: Float[Tensor, "b 8 192 256"]) -> list[Tensor]:
         """What `PictureFeatures` says of the observed RGB."""
-        features = self._picture_features[0].to(pictures.device, memory_format=torch.channels_last)
+        features = channels_last(self._picture_features[0], pictures.device)
         return features(pictures[:, :3])
 
     def forward(
