@@ -83,8 +83,39 @@ def test_refinement_stays_near_the_intention():
 def test_no_object_in_reach_leaves_the_grasp_as_it_was():
     start = on((0, 0, 0.5))
     assert refined(start)[0][0] is start[0]
-    wide = on(width=0.09)
-    assert refine_grasps(wide, CollisionWorld(BAR), PANDA)[0] is wide[0]
+    wide, block = on(width=0.09), trimesh.creation.box(extents=(0.09, 0.2, 0.05))
+    assert refine_grasps(wide, CollisionWorld(block), PANDA)[0] is wide[0]
+
+
+def test_a_grasp_too_wide_slides_to_where_the_gripper_fits():
+    # A cone from 98 mm at y = -60 mm to 60 mm at its other end; 15 mm along it is 74 mm wide.
+    cone = trimesh.creation.revolve(np.array([[0, -0.06], [0.049, -0.06], [0.03, 0.06], [0, 0.06]]))
+    cone.apply_transform(rigid(Rotation.from_rotvec([-np.pi / 2, 0, 0]).as_matrix(), np.zeros(3)))
+    start = on((0, 0, 0.012), width=0.079)
+    assert check_grasps(start, CollisionWorld(cone), PANDA)[0].status is CheckStatus.TOO_WIDE
+    (grasp,), (check,) = refined(start, cone)
+    assert check.usable
+    assert grasp.width < 0.075
+    along = grasp.object_from_gripper[1, 3]
+    assert 0.005 < along < 0.045
+    assert abs(grasp.object_from_gripper[0, 3]) < 0.002
+
+
+def test_a_slide_does_not_end_on_a_slope_that_pads_slip_off():
+    steep = trimesh.creation.revolve(np.array([[0, -0.06], [0.06, 0.0], [0, 0.06]]))
+    steep.apply_transform(rigid(Rotation.from_rotvec([-np.pi / 2, 0, 0]).as_matrix(), np.zeros(3)))
+    start = on((0, 0, 0.012), width=0.12)
+    assert refine_grasps(start, CollisionWorld(steep), PANDA)[0] is start[0]
+
+
+def test_refinement_leaves_room_before_the_palm():
+    # As deep as the palm allows: 1 mm of air. A little less deep holds as well.
+    tall = trimesh.creation.box(extents=(0.02, 0.12, 0.09))
+    palm = PANDA.link_meshes(0.04)["panda_hand"].bounds[1, 2]
+    start = on((0, 0, 0.045 + palm + 0.001))
+    (grasp,), (check,) = refined(start, tall)
+    assert check.usable
+    assert grasp.object_from_gripper[2, 3] + abs(palm) - 0.045 > 0.0025
 
 
 def test_rotations_stay_in_so3_and_a_batch_refines_as_one_by_one():
@@ -137,13 +168,31 @@ def test_a_grasp_that_fails_its_check_scores_nothing():
     assert score(on((0, 0, 0.5))) == 0
 
 
+def odds(grasps):
+    chance = score(grasps)
+    return chance / (1 - chance)
+
+
 def test_better_grasps_score_higher():
-    good = score(on((0, 0, 0.012)))
-    assert good > score(on((0, 0, 0.012), (0, 0, 0.5))) + 0.05  # pads at an angle
-    assert good > score(on((0, 0, 0.033))) + 0.02  # only the tips touch
-    assert good > score(on((0, 0.054, 0.012)))  # at the bar's end, away from its weight
+    good = odds(on((0, 0, 0.012)))
+    assert good > 2 * odds(on((0, 0, 0.012), (0, 0, 0.5)))  # pads at an angle
+    assert good > 1.5 * odds(on((0, 0, 0.033)))  # only the tips touch
+    assert good > odds(on((0, 0.054, 0.012)))  # at the bar's end, away from its weight
+
+
+def test_what_hangs_below_the_pads_scores_higher_than_what_lies_beside_them():
     heavy = trimesh.creation.box(extents=(0.02, 0.6, 0.08))
     assert score(on((0, 0, 0.03)), heavy) > score(on((0, 0.27, 0.03)), heavy) + 0.5
+    beam = trimesh.creation.box(extents=(0.02, 0.3, 0.08))
+    middle, end = score(on((0, 0, 0.03)), beam), score(on((0, 0.12, 0.03)), beam)
+    # The same lever straight below turns the object only as far as the hand tilts.
+    post = trimesh.creation.box(extents=(0.02, 0.08, 0.3))
+    hanging = score(on((0, 0, 0.12)), post)
+    assert end + 0.1 < hanging < middle
+    # Across an upright closing line it turns nothing: it pulls on the pads themselves.
+    upright = rigid(np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]]), np.array([0.12, 0, 0]))
+    lying = trimesh.creation.box(extents=(0.3, 0.08, 0.02))
+    assert score(on_canonical([Grasp("g", "beam", upright, 0.02)]), lying) > 0.9
 
 
 def test_ranking_wants_a_check_for_each_grasp():

@@ -6,19 +6,20 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.estimators import EstimatorSet, TrueFieldEstimator
-from grasptransfer.benchmark.seen_instances import Instance, instances, observe_instance
+from grasptransfer.benchmark.seen_instances import Instance, instance_names, load_instance, observe_instance
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_gripper
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.scenes import PoseNoise
 from grasptransfer.result import TransferredGrasp, TransferResult
-from grasptransfer.simulation import simulate
+from grasptransfer.simulation import load_protocol, simulate
 from grasptransfer.transfer import GraspTransfer
 
 ESTIMATORS = ("gt", "rgb", "cls", "cpd", "similarity", "rigid")
@@ -61,7 +62,9 @@ def run_grasp_benchmark(
     unknown = set(settings.estimators) - set(ESTIMATORS)
     if unknown:
         raise SettingsError("unknown estimator", key="estimators", value=sorted(unknown), choices=ESTIMATORS)
-    found = [(i.category.name, i.name) for i in instances(list(settings.categories), settings.meshes)]
+    load_protocol(settings.protocol)  # wrong names are refused before minutes of pictures
+    load_gripper(settings.gripper)
+    found = [(name, told) for name in settings.categories for told in instance_names(name, settings.meshes)]
     rows: list[dict] = []
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         tasks = [pool.submit(_measure_instance, settings, *names) for names in found]
@@ -75,7 +78,7 @@ def run_grasp_benchmark(
 
 def _measure_instance(settings: GraspSettings, category: str, name: str) -> list[dict]:
     """One row per estimator."""
-    instance = next(i for i in instances([category], settings.meshes) if i.name == name)
+    instance = load_instance(category, name, settings.meshes)
     gripper = load_gripper(settings.gripper)
     noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
     outcomes: dict[str, list[_Outcome]] = defaultdict(list)
@@ -147,6 +150,7 @@ def _row(instance: Instance, estimator: str, views: list[_Outcome]) -> dict:
         "grasps": len(held),
         "success": float(np.mean(held)),
         "top1": float(np.mean(top)),
+        "without_usable": sum(not any(g.usable for g in view.grasps) for view in views),
         "usable": len(usable),
         "usable_held": int(sum(usable)),
         "reasons": dict(Counter(reason for view in views for reason in view.reasons)),
@@ -154,7 +158,7 @@ def _row(instance: Instance, estimator: str, views: list[_Outcome]) -> dict:
 
 
 def _summary(rows: list[dict], settings: GraspSettings) -> dict:
-    summary: dict[str, object] = {"protocol": settings.protocol, "trials": sum(row["grasps"] for row in rows)}
+    summary: dict[str, Any] = {"protocol": settings.protocol, "trials": sum(row["grasps"] for row in rows)}
     for name in settings.estimators:
         group = [row for row in rows if row["estimator"] == name]
         usable = sum(row["usable"] for row in group)
@@ -163,6 +167,10 @@ def _summary(rows: list[dict], settings: GraspSettings) -> dict:
         summary[f"usable_precision_{name}"] = (
             sum(row["usable_held"] for row in group) / usable if usable else None
         )
+        views, without = (sum(row[key] for row in group) for key in ("views", "without_usable"))
+        summary[f"without_usable_{name}"] = without / views
+        top = sum(row["top1"] * row["views"] for row in group)
+        summary[f"top1_where_usable_{name}"] = top / (views - without) if views > without else None
     if "rgb" in settings.estimators:
         summary["usable_precision"] = summary["usable_precision_rgb"]
         for other in {"rigid", "similarity"} & set(settings.estimators):

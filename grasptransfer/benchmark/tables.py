@@ -10,6 +10,8 @@ def rows_table(result: dict) -> Table | None:
         return _stages_table(rows)
     if rows and "image" in rows[0]:
         return _photos_table(rows)
+    if rows and "usable_held" in rows[0]:
+        return _grasps_table(rows)
     methods = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_score(value)))
     if not methods:
         return None
@@ -55,6 +57,37 @@ def _photos_table(rows: list[dict]) -> Table:
         cells.append("" if iou is None else f"{iou:.2f}")
         table.add_row(f"{row['category']}/{row['object']}", row["image"].rsplit("/", 1)[-1], *cells)
     return table
+
+
+def _grasps_table(rows: list[dict]) -> Table:
+    """Shares held, a category and estimator a line."""
+    names = ("all grasps", "best-ranked", "best-ranked where one is usable", "none usable", "usable, held")
+    table = Table("category", "estimator", title="grasps held [%]; none usable: share of the views [%]")
+    for name in names:
+        table.add_column(name, justify="right", overflow="fold")
+    groups: dict[tuple[str, str], list[dict]] = {}
+    for row in rows:
+        groups.setdefault((row["category"], row["estimator"]), []).append(row)
+    for names_of_group, group in groups.items():
+        table.add_row(*names_of_group, *_grasp_cells(group))
+    return table
+
+
+def _grasp_cells(group: list[dict]) -> list[str]:
+    def total(key: str) -> float:
+        return sum(row[key] for row in group)
+
+    views, without = total("views"), total("without_usable")
+    held = sum(row["success"] * row["grasps"] for row in group)
+    best = sum(row["top1"] * row["views"] for row in group)
+    pairs = (
+        (held, total("grasps")),
+        (best, views),
+        (best, views - without),
+        (without, views),
+        (total("usable_held"), total("usable")),
+    )
+    return [f"{100 * part / whole:.0f}" if whole else "" for part, whole in pairs]
 
 
 def _photo_cell(score: dict | None) -> str:

@@ -3,8 +3,8 @@
 The posterior of the shape is Gaussian in the latent, and displacements are linear in it: surface
 points of a plausible instance are `mean + basis x`, with no new field to evaluate. The pose is drawn
 around the estimate as well. For every draw the points near each opened gripper tell its clearance,
-what the pads meet, how flat, and how far the weight hangs beside them; a logistic model turns that
-into a chance of holding, and the score is the mean over the draws.
+what the pads meet, how flat, and how hard the weight turns the object between them; a logistic model
+turns that into a chance of holding, and the score is the mean over the draws.
 """
 
 from collections.abc import Sequence
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 SURFACE_POINTS = 3000  # about 4 mm apart on a mug: some ten under each pad
 NEAR = 0.012  # m around the gripper: points farther away stay out of its reach in every draw
 MASS_LIMITS = (0.05, 1.0)  # kg, as the simulation protocols clamp it
+UP = np.array([0.0, 0.0, 1.0])  # object frame: categories stand upright
+TILT = np.deg2rad(30)  # how far a held object is turned about the closing line, both ways
 FEATURES = 4
 PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
 
@@ -48,17 +50,19 @@ class Ranking:
         least_chance: a grasp that the gripper reaches is unusable below this score.
 
     The features of a draw: clearance in mm (between -3 and 3), flatness as a cosine, coverage as a share
-    of a pad's points, moment in kg cm: mass times how far its centre lies beside the closing line.
+    of a pad's points, moment in kg cm: how hard the weight turns the object about the closing line while
+    the hand tilts it by up to `TILT`. What hangs straight below the pads has little of it; what lies beside
+    them has all, and a closing line that stands upright has none.
     """
 
     draws: int = 16
     pose_shift: float = 0.002
     pose_turn: float = 0.03
-    bias: float = -2.0
-    clearance: float = 0.7
+    bias: float = 2.4
+    clearance: float = 0.5
     flatness: float = 0.4
-    coverage: float = 2.5
-    moment: float = -0.8
+    coverage: float = 2.0
+    moment: float = -2.7
     density: float = 500.0
     least_chance: float = 0.6
 
@@ -230,9 +234,13 @@ def _features(grasp: WarpedGrasp, opening: float, gripper: Gripper, cloud: _Clou
 
 
 def _lever(grasp: WarpedGrasp, cloud: _Cloud) -> float:
-    """How far the centre of mass lies beside the line between the pads [m]."""
-    offset = cloud.centre - grasp.object_from_gripper[:3, 3]
-    return float(np.linalg.norm(np.cross(offset, grasp.object_from_gripper[:3, 0])))
+    """Lever of the weight about the line between the pads, in the worst tilt about that line [m]."""
+    rotation = grasp.object_from_gripper[:3, :3]
+    beside = (rotation.T @ (cloud.centre - grasp.object_from_gripper[:3, 3]))[1:]
+    upright = (rotation.T @ UP)[1:]
+    angle = np.arctan2(abs(beside[0] * upright[1] - beside[1] * upright[0]), abs(beside @ upright))
+    worst = np.sin(min(angle + TILT, np.pi / 2))
+    return float(np.linalg.norm(beside) * np.linalg.norm(upright) * worst)
 
 
 def _touched(x: Float[np.ndarray, "s m"], between: np.ndarray, side: int) -> np.ndarray:

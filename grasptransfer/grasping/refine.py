@@ -1,9 +1,11 @@
 """Local search around a warped grasp on the instance's surface.
 
-A few rounds of sampled motions of the TCP, all grasps at once: each round keeps, per grasp, the
-cheapest pose that collides with nothing. The cost asks for contact on both pads, normals against the
-pads, contacts in the middle of the pads, and nearness to the annotated intention. The samples are
-the same for every grasp and every call: a grasp refines alone as it does among others.
+A grasp that is too wide first slides to where the gripper fits. Then a few rounds of sampled motions of
+the TCP, all grasps at once: each round keeps, per grasp, the cheapest pose that collides with nothing,
+or one with room before palm and finger tips where that costs little more. The cost asks for contact on
+both pads, normals against the pads, contacts in the middle of the pads, and nearness to the annotated
+intention. The samples are the same for every grasp and every call: a grasp refines alone as it does
+among others.
 """
 
 import dataclasses
@@ -18,6 +20,7 @@ from grasptransfer.grasping.closing import Closing, close_pads
 from grasptransfer.grasping.collision import LEAST_ROOM
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.scene import Scene
+from grasptransfer.grasping.sliding import slide_where_too_wide
 from grasptransfer.grasping.surface import Surface
 from grasptransfer.grasping.warping import WarpedGrasp
 from grasptransfer.grasping.world import CollisionWorld, OpenedGripper, as_world
@@ -38,6 +41,8 @@ class Refinement:
         farthest_shift, farthest_turn: where the cost of leaving the annotated intention reaches `leaving`.
         farthest_tilt: angle of a contact's normal where the cost reaches `tilt` [rad].
         missing, tilt, coverage, off_centre, leaving, colliding: weights of the cost.
+        room: wanted before palm and finger tips, and beside the object in the open gripper [m].
+        tight: cost of having none.
     """
 
     rounds: int = 3
@@ -53,6 +58,8 @@ class Refinement:
     off_centre: float = 0.5
     leaving: float = 0.4
     colliding: float = 3.0
+    room: float = 0.003
+    tight: float = 0.7
 
 
 # Motions always tried: none, back out along the approach, deeper in, and sideways.
@@ -91,10 +98,11 @@ def refine_grasps(
         camera_from_object: pose of the object (4, 4) [m]; matters with a scene only.
     """
     settings = Refinement() if settings is None else settings
+    world = as_world(mesh, scene, camera_from_object)
+    grasps = slide_where_too_wide(grasps, world.surface, gripper)
     fitting = [i for i, grasp in enumerate(grasps) if grasp.width + 2 * LEAST_ROOM <= gripper.max_width]
     if not fitting:
-        return tuple(grasps)
-    world = as_world(mesh, scene, camera_from_object)
+        return grasps
     search = _Search([grasps[i] for i in fitting], world, gripper, settings)
     refined = list(grasps)
     for i, better in zip(fitting, search.run(), strict=True):
@@ -177,14 +185,30 @@ class _Search:
         cost = self._cost(closing, candidates)
         order = np.argsort(cost, axis=1, kind="stable")
         for i in range(count):
-            chosen = cheapest = order[i, 0]
-            for candidate in order[i]:
-                if cost[i, candidate] > cost[i, cheapest] + self.settings.colliding:
-                    break
-                if not self._blocked(i, candidates[i, candidate]):
-                    chosen = candidate
-                    break
-            self.best[i] = candidates[i, chosen]
+            self.best[i] = candidates[i, self._choose(i, candidates[i], cost[i], order[i])]
+
+    def _choose(
+        self, i: int, candidates: Float[np.ndarray, "c 4 4"], cost: Float[np.ndarray, "c"], order: np.ndarray
+    ) -> int:
+        """The cheapest that is free; one with room, where that costs little more; else the cheapest."""
+        chosen, most = None, cost[order[0]] + self.settings.colliding
+        for candidate in order:
+            if cost[candidate] > most:
+                break
+            pose = candidates[candidate]
+            if chosen is None and not self._blocked(i, pose):
+                if self._roomy(i, pose):
+                    return int(candidate)
+                chosen, most = int(candidate), min(most, cost[candidate] + self.settings.tight)
+            elif chosen is not None and self._roomy(i, pose) and not self._blocked(i, pose):
+                return int(candidate)
+        return int(order[0]) if chosen is None else chosen
+
+    def _roomy(self, i: int, pose: Float[np.ndarray, "4 4"]) -> bool:
+        """Whether the opened gripper could go a little deeper."""
+        deeper = pose.copy()
+        deeper[:3, 3] += self.settings.room * pose[:3, 2]
+        return not self.world.touching(deeper, self.opened[i])
 
     def _blocked(self, i: int, pose: Float[np.ndarray, "4 4"]) -> bool:
         """Whether the opened gripper touches anything at a pose, or on its way in."""
@@ -208,12 +232,15 @@ class _Search:
         trace = np.trace(relative, axis1=2, axis2=3)
         turn = np.arccos(np.clip((trace - 1) / 2, -1, 1))
         left = (shift / settings.farthest_shift) ** 2 + (turn / settings.farthest_turn) ** 2
+        left_over = self.gripper.max_width - np.nan_to_num(closing.width).reshape(shape)
+        tight = np.clip(1 - left_over / (2 * settings.room), 0, None)
         return (
             settings.missing * missing
             + settings.tilt * (tilt / settings.farthest_tilt) ** 2
             + settings.coverage * bare
             + settings.off_centre * off**2
             + settings.leaving * left
+            + settings.tight * tight
         )
 
     def _result(self, i: int, closing: Closing) -> WarpedGrasp:

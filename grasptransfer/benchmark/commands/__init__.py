@@ -1,0 +1,1 @@
+"""What `grasptransfer bench …` runs, by what is measured; `benchmark/command_line.py` lists them."""

@@ -1,0 +1,75 @@
+"""`bench grasp` and `bench calibration`: whether transferred grasps hold when PyBullet executes them."""
+
+import math
+from functools import partial
+
+from grasptransfer.benchmark.commands.arguments import (
+    Categories,
+    Gripper,
+    Json,
+    Meshes,
+    Rotation,
+    Translation,
+    Views,
+    ViewsOfEach,
+    Workers,
+    trained,
+)
+from grasptransfer.benchmark.commands.run import run
+
+
+def grasp(
+    *,
+    json: Json,
+    categories: Categories = (),
+    meshes: Meshes = None,
+    views: Views = 12,
+    gripper: Gripper = "panda",
+    protocol: str = "lift-shake-v1",
+    translation: Translation = 0.0,
+    rotation: Rotation = 0.0,
+    workers: Workers = 2,
+    seed: int = 0,
+) -> int:
+    """Grasp success in PyBullet, on the true mesh, of rgb and the baselines.
+
+    Args:
+        protocol: named and versioned execution protocol.
+        seed: of lights, backgrounds, pose errors and trials.
+    """
+    from grasptransfer.benchmark.grasp import GraspSettings, run_grasp_benchmark
+
+    settings = GraspSettings(
+        trained(categories), meshes, views, gripper, protocol, seed, translation, math.radians(rotation)
+    )
+    return run(partial(run_grasp_benchmark, settings, workers=workers), json)
+
+
+def calibration(
+    *,
+    json: Json,
+    categories: Categories = (),
+    objects: int = 12,
+    views: ViewsOfEach = 3,
+    translation: Translation = 0.0,
+    rotation: Rotation = 0.0,
+    workers: Workers = 2,
+    seed: int = 0,
+) -> int:
+    """Whether a grasp's score is its chance to hold; prints the ranking's weights that make it so.
+
+    Args:
+        objects: random shapes of each category.
+        seed: of lights, backgrounds, pose errors and trials.
+    """
+    from grasptransfer.benchmark.calibration import CalibrationSettings, run_calibration
+
+    settings = CalibrationSettings(
+        trained(categories),
+        objects,
+        views,
+        translation_noise=translation,
+        rotation_noise=math.radians(rotation),
+        seed=seed,
+    )
+    return run(partial(run_calibration, settings, workers=workers), json)

@@ -1,0 +1,46 @@
+"""Run a benchmark under a progress bar, write its JSON and print its figures."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from grasptransfer.report.progress import progress_bar
+
+console = Console()
+
+
+def run(benchmark: Callable[..., dict], json: Path) -> int:
+    """Run it, write its document and print its rows and summary; the exit code.
+
+    Args:
+        benchmark: takes `progress`, which is told how many of how many are done, and gives the document.
+        json: file for the document.
+    """
+    from grasptransfer.benchmark.document import write_document
+    from grasptransfer.benchmark.tables import rows_table
+
+    with progress_bar(console) as progress:
+        task = progress.add_task("instances", total=None)
+        result = benchmark(progress=lambda done, total: progress.update(task, completed=done, total=total))
+    write_document(result, json)
+    ledger_of(json).unlink(missing_ok=True)
+    rows = rows_table(result)
+    if rows is not None:
+        console.print(rows)
+    console.print(_summary_table(result))
+    console.print(f"Rows and settings: {json}")
+    return 0
+
+
+def ledger_of(json: Path) -> Path:
+    """Finished rows of a run that has not ended."""
+    return json.with_name(json.name + ".rows")
+
+
+def _summary_table(result: dict) -> Table:
+    table = Table("measure", "value", title=result["benchmark"])
+    for name, value in result["summary"].items():
+        table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
+    return table
