@@ -38,7 +38,7 @@ _HOMES = {
     "simulate": "simulation",
     "transfer_grasps": "transfer",
 }
-__all__ = ["__version__", *_HOMES]
+__all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]  it does not read _HOMES
 
 
 def __getattr__(name: str):

@@ -42,7 +42,27 @@ def test_a_box_between_the_pads_is_free_and_its_width_is_measured():
     assert result.width == pytest.approx(0.03, abs=1e-6)
     np.testing.assert_allclose(result.contacts[:, 0], [-0.015, 0.015], atol=1e-6)
     assert result.antipodality == pytest.approx(1, abs=1e-6)
-    assert result.opening == pytest.approx(0.05)
+    assert result.opening == PANDA.max_width
+
+
+def test_the_gripper_opens_only_as_wide_as_leaves_room_beside_both_fingers():
+    # A wall 3 mm beyond the wide open finger: nearer than a seen object errs.
+    thick = 0.0144
+    wall = box(0.01, 0.05, 0.1).apply_translation([0.04 + thick + 0.003 + 0.005, 0, 0])
+    scene = Scene((("wall", wall, np.eye(4)),))
+    result = check(grasp_from_above(width=0.015), box(0.015), scene)
+    assert result.usable
+    assert result.opening == pytest.approx(0.055)
+
+
+def test_a_wide_opening_that_would_close_on_another_part_is_not_taken():
+    # A post beside the bar, 22 mm off: fully opened, a finger would push it against the bar.
+    post = box(0.004, 0.01, 0.1).apply_translation([0.030, 0, 0])
+    both = trimesh.util.concatenate([box(0.015), post])
+    result = check(grasp_from_above(width=0.015), both)
+    assert result.usable
+    assert result.opening < 0.03
+    assert result.width == pytest.approx(0.015, abs=1e-6)
 
 
 @pytest.mark.parametrize(("shift", "free"), [(0.0098, True), (0.0102, False)])
@@ -71,7 +91,7 @@ def test_another_opening_is_tried_where_the_usual_one_does_not_fit():
     alone = check(grasp_from_above(width=0.015), box(0.015))
     narrow = check(grasp_from_above(width=0.015), box(0.015), scene)
     # The finger is 14.4 mm thick: with 10 mm of room it would reach 31.9 mm, past the wall at 27 mm.
-    assert alone.opening == pytest.approx(0.035)
+    assert alone.opening == PANDA.max_width
     assert narrow.usable
     assert narrow.opening == pytest.approx(0.025)
 

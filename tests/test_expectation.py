@@ -36,3 +36,30 @@ def test_threads_do_not_change_the_expectation(backend):
             found.append(expect(source, 0.01))
     np.testing.assert_allclose(found[0].moment, found[1].moment, atol=1e-4)  # float32 sums
     np.testing.assert_array_equal(found[0].inlier, found[1].inlier)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK, BLOCK + 1, 5 * BLOCK - 3])
+def test_boxes_that_are_not_full_count_no_point_twice(backend, count):
+    source, target = (cloud / 0.07 for cloud in pair(count, target_count=70))
+    source = source[spatial_order(source, BLOCK)]
+    squared = np.square(source[:, None] - target).sum(2)
+    closeness = np.exp((squared.min(0) - squared) / (2 * 0.3**2))
+    with EStep(target, count, backend=backend) as expect:
+        found = expect(source, 0.3**2)
+    np.testing.assert_allclose(found.support, (closeness / closeness.sum(0)).sum(1), rtol=1e-4, atol=1e-5)
+    assert found.support.sum() == pytest.approx(len(target), rel=1e-5)  # float32 sums
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("log_outlier", [-3.0, 5.0, 200.0])
+def test_outliers_take_their_share(backend, log_outlier):
+    source, target = (cloud / 0.07 for cloud in pair(90, target_count=70))
+    source = source[spatial_order(source, BLOCK)]
+    exponents = -np.square(source[:, None] - target).sum(2) / (2 * 0.1**2)
+    inlier = np.logaddexp.reduce(exponents, axis=0)
+    everything = np.logaddexp(inlier, log_outlier)
+    with EStep(target, len(source), backend=backend) as expect:
+        found = expect(source, 0.1**2, log_outlier=log_outlier)
+    np.testing.assert_allclose(found.inlier, np.exp(inlier - everything), rtol=1e-3, atol=1e-12)
+    assert found.log_likelihood == pytest.approx(everything.sum(), rel=1e-5)

@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 
 from grasptransfer.errors import FieldFileError, PointCloudError, SettingsError
 from grasptransfer.registration import DeformationField, ShapeSpace, register_pair
-from grasptransfer.registration.kernels import compress, gaussian, gaussian_times, pivoted_cholesky
+from grasptransfer.registration.kernels import (
+    PrincipalKernel,
+    compress,
+    gaussian,
+    gaussian_times,
+    pivoted_cholesky,
+)
 
 SIZE = 0.07  # m
 
@@ -143,6 +149,21 @@ def test_the_kernels_factor_is_as_good_as_asked(seed, beta, tolerance):
     factor = pivoted_cholesky(points, beta, tolerance=tolerance).factor
     # The largest entry of a positive semidefinite remainder is on its diagonal; 1e-14: rounding.
     assert np.abs(factor @ factor.T - gaussian(points, points, beta)).max() <= tolerance + 1e-14
+
+
+@pytest.mark.parametrize("beta", [0.5, 2.0])
+def test_the_principal_kernel_is_orthogonal_and_as_good_as_asked(beta):
+    points = cloud(300, 1) / SIZE
+    kernel = PrincipalKernel.of(points, beta, tolerance=1e-7)
+    products = kernel.factor.T @ kernel.factor
+    np.testing.assert_allclose(products, np.diag(kernel.strengths), atol=1e-12 * kernel.strengths.max())
+    missed = gaussian(points, points, beta) - kernel.factor @ kernel.factor.T
+    assert np.abs(missed).max() < 2e-7  # the Cholesky factor's share, and that of what was left out
+    coefficients = np.random.default_rng(0).normal(size=(len(kernel.strengths), 3))
+    weights = kernel.shortest_weights(coefficients)
+    np.testing.assert_allclose(kernel.factor.T @ weights, coefficients, atol=1e-6)
+    shortest = np.linalg.lstsq(kernel.factor.T, coefficients, rcond=None)[0]
+    np.testing.assert_allclose(weights, shortest, rtol=1e-4, atol=1e-4 * np.abs(shortest).max())
 
 
 def test_many_points_at_once_equal_few():

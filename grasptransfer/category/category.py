@@ -230,4 +230,6 @@ def _as_mesh(scene: "trimesh.Scene") -> "trimesh.Trimesh":
         if not np.array_equal(transform, np.eye(4)):
             part.apply_transform(transform)
         parts.append(part)
-    return parts[0] if len(parts) == 1 else trimesh.util.concatenate(parts)  # pyright: ignore
+    if len(parts) == 1:
+        return parts[0]
+    return trimesh.util.concatenate(parts)  # pyright: ignore[reportReturnType]  meshes give a mesh

@@ -18,6 +18,7 @@ from grasptransfer.category.tasks import (
 )
 from grasptransfer.category.workshop import Arrays, Workshop
 from grasptransfer.errors import SettingsError
+from grasptransfer.registration import Metric
 
 # Narrower kernels and less smoothness leave less of the instances they register, and more of others.
 BETAS, LAMBDAS = (1.0, 2.0), (3.0, 10.0)
@@ -45,7 +46,7 @@ class Options:
     outlier_weight: float
     modes: int | None
     flexibility: float | None
-    metric: str
+    metric: Metric
     control_points: int
 
     def __post_init__(self):
@@ -166,9 +167,9 @@ def choose_settings(
         chosen: the settings.
         trials: all that was measured; nothing where all settings were given.
     """
-    given = (options.beta, options.lam, options.modes, options.flexibility)
-    if None not in given:
-        return Chosen(*given), ()  # pyright: ignore[reportArgumentType]
+    beta, lam, count, flexibility = options.beta, options.lam, options.modes, options.flexibility
+    if beta is not None and lam is not None and count is not None and flexibility is not None:
+        return Chosen(beta, lam, count, flexibility), ()
     most = len(train) - 2  # of a space without one instance
     tried = {n for n in (*MODES, most) if n <= most} if options.modes is None else {min(options.modes, most)}
     first = options.flexibility or 0.0
@@ -191,7 +192,7 @@ class _Judged:
     train: dict[str, Arrays]
     registered: dict[tuple[str, float, float], Arrays]
     control: Float[np.ndarray, "n 3"]
-    metric: str
+    metric: Metric
 
     def __call__(
         self, kernels: list[tuple[float, float]], tried: list[tuple[int, float]]

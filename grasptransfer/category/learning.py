@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from grasptransfer.errors import SettingsError
-from grasptransfer.registration import DeformationField, ShapeSpace, latent_fit
+from grasptransfer.registration import DeformationField, Metric, ShapeSpace, latent_fit
 from grasptransfer.registration.kernels import gaussian
 
 FEWEST = 3  # instances behind a shape space
@@ -58,7 +58,7 @@ def leave_out(
     *,
     n_modes: int,
     flexibility: float,
-    metric: str,
+    metric: Metric,
 ) -> LeftOut:
     """Fit a shape space to all instances but one, and explain that one's field by it.
 
@@ -96,7 +96,7 @@ def fitted_error(
 
 
 def fit_space(
-    weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, n_modes: int | None, metric: str
+    weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, n_modes: int | None, metric: Metric
 ) -> ShapeSpace:
     """The shape space of fields that share the control points, kernel and normaliser of `field`.
 
@@ -113,7 +113,7 @@ def fit_space(
         field.centre,
         field.scale,
         n_modes=n_modes,
-        metric=metric,  # pyright: ignore[reportArgumentType]  checked by ShapeSpace
+        metric=metric,
     )
 
 
@@ -144,7 +144,7 @@ def loosened(space: ShapeSpace, flexibility: float) -> ShapeSpace:
 
 
 def explained_variance(
-    weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, metric: str
+    weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, metric: Metric
 ) -> Float[np.ndarray, "k"]:
     """Share of the variance that the first modes hold together, for one mode and more."""
     variances = fit_space(weights, field, n_modes=len(weights) - 1, metric=metric).variances

@@ -66,7 +66,7 @@ class Settings(_Strict):
     """
 
     beta: float = Field(gt=0)
-    lam: float = Field(gt=0, alias="lambda")
+    lam: float = Field(gt=0, validation_alias="lambda", serialization_alias="lambda")
     modes: int = Field(ge=1)
     flexibility: float = Field(default=0.0, ge=0)
     metric: Literal["W", "GW", "G"] = "GW"

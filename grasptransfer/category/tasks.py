@@ -20,7 +20,7 @@ from grasptransfer.category.learning import (
 )
 from grasptransfer.category.sources import prepare
 from grasptransfer.category.workshop import Arrays
-from grasptransfer.registration import DeformationField, PreparedSource, cpd
+from grasptransfer.registration import DeformationField, Metric, PreparedSource, cpd
 
 DENSE_POINTS = 4000  # of an instance, to measure distances by
 TARGET_POINTS = 1000  # of an instance, to register to
@@ -101,7 +101,7 @@ def judge(
     centre: np.ndarray,
     scale: float,
     beta: float,
-    metric: str,
+    metric: Metric,
     tried: tuple[tuple[int, float], ...],
     left_out: tuple[int, ...],
     clouds: np.ndarray,
@@ -136,7 +136,7 @@ def learn(
     beta: float,
     modes: int,
     flexibility: float,
-    metric: str,
+    metric: Metric,
     model: np.ndarray,
     clouds: np.ndarray,
     starts: np.ndarray,

@@ -58,6 +58,21 @@ def _ray_starts(
     return starts
 
 
+def _first_hits(
+    surface: Surface, origins: Float[np.ndarray, "g 2 r 3"], directions: Float[np.ndarray, "g 2 r 3"]
+) -> tuple[Float[np.ndarray, "g 2 r"], Float[np.ndarray, "g 2 r 3"]]:
+    """Distance [m] to the first face that each ray meets, infinite where none is, and its normal."""
+    hit = surface.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
+    distance, faces = (values.reshape(origins.shape[:-1]) for values in hit)
+    return distance, surface.mesh.face_normals[faces]
+
+
+def _unit(vectors: Float[np.ndarray, "g 2 3"]) -> Float[np.ndarray, "g 2 3"]:
+    """Of length 1; zero stays zero."""
+    length = np.linalg.norm(vectors, axis=2, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)
+
+
 def close_pads(
     surface: Surface,
     object_from_gripper: Float[np.ndarray, "g 4 4"],
@@ -75,14 +90,11 @@ def close_pads(
     """
     heights = gripper.pad_heights(opening if expected is None else expected)
     starts = _ray_starts(gripper, opening, heights)
-    count, _, rays, _ = starts.shape
     rotation, position = object_from_gripper[:, :3, :3], object_from_gripper[:, :3, 3]
     origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
     inward = -SIDE[None, :, None] * rotation[:, None, :, 0]
     directions = np.broadcast_to(inward[:, :, None], origins.shape)
-    hit = surface.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
-    distance, faces = (values.reshape(count, 2, rays) for values in hit)
-    face_normals = surface.mesh.face_normals[faces]
+    distance, face_normals = _first_hits(surface, origins, directions)
     behind = np.einsum("gprj,gprj->gpr", face_normals, directions) > 0
     # A pad can only touch what lies between the pads.
     within = np.where(distance < opening[:, None, None], distance, np.inf)
@@ -94,9 +106,7 @@ def close_pads(
     local[..., 0] -= SIDE * np.where(touching, first, 0.0)
     hits = origins + np.where(patch, within, 0.0)[..., None] * directions
     points = np.einsum("gpr,gprj->gpj", weight, hits)
-    normals = np.einsum("gpr,gprj->gpj", weight, face_normals)
-    length = np.linalg.norm(normals, axis=2, keepdims=True)
-    normals = normals / np.where(length > 0, length, 1)
+    normals = _unit(np.einsum("gpr,gprj->gpj", weight, face_normals))
     nowhere = ~touching[..., None]
     return Closing(
         points=np.where(nowhere, np.nan, points),

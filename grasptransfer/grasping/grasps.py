@@ -51,8 +51,8 @@ class _BlockModel(Strict):
 
 class _FileModel(Strict):
     format: Literal["isaac_grasp"]
-    # The string is what some writers put there.
-    format_version: Literal[1.0, "1.0"] = 1.0  # type: ignore[valid-type]
+    # The string is what some writers put there. pydantic knows literal floats, the type checker does not.
+    format_version: Literal[1.0, "1.0"] = 1.0  # pyright: ignore[reportInvalidTypeForm]
     object_frame: Literal["canonical"]
     gripper_frame: Literal["tcp"]
     grasptransfer: _BlockModel

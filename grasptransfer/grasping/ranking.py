@@ -58,13 +58,13 @@ class Ranking:
     draws: int = 16
     pose_shift: float = 0.002
     pose_turn: float = 0.03
-    bias: float = 2.4
-    clearance: float = 0.5
-    flatness: float = 0.4
-    coverage: float = 2.0
-    moment: float = -2.7
+    bias: float = 0.4
+    clearance: float = 0.4
+    flatness: float = 0.45
+    coverage: float = 2.3
+    moment: float = -1.8
     density: float = 500.0
-    least_chance: float = 0.6
+    least_chance: float = 0.65
 
     @property
     def weights(self) -> Float[np.ndarray, "5"]:

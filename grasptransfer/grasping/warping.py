@@ -131,11 +131,12 @@ def _stretches(
     grasps: Sequence[Grasp], field: Field, jacobians: Float[np.ndarray, "g 3 3"]
 ) -> Float[np.ndarray, "g 2"]:
     """Signed smallest and largest singular value, of the mean Jacobian of a grasp's contacts."""
-    known = [i for i, grasp in enumerate(grasps) if grasp.contacts is not None]
+    known = [grasp.contacts is not None for grasp in grasps]
+    ends = [grasp.contacts for grasp in grasps if grasp.contacts is not None]
     jacobians = jacobians.copy()
-    if known:
-        ends = np.concatenate([grasps[i].contacts for i in known])  # type: ignore[misc]
-        jacobians[known] = field.jacobian(ends).reshape(-1, 2, 3, 3).mean(axis=1)
+    if ends:
+        at_ends = field.jacobian(np.concatenate(ends)).reshape(-1, 2, 3, 3)
+        jacobians[known] = at_ends.mean(axis=1)
     values = np.linalg.svd(jacobians, compute_uv=False)[:, [2, 0]]
     values[:, 0] *= np.sign(np.linalg.det(jacobians))
     return values

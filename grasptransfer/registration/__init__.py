@@ -7,7 +7,7 @@ from grasptransfer.registration.field import DeformationField, FieldPair, regist
 from grasptransfer.registration.fit_residuals import PosePrior
 from grasptransfer.registration.latent_fit import LatentFit, LatentFitStatus, latent_fit
 from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
-from grasptransfer.registration.shape_space import ShapeSpace
+from grasptransfer.registration.shape_space import Metric, ShapeSpace
 
 __all__ = [
     "CpdProgress",
@@ -18,6 +18,7 @@ __all__ = [
     "LatentFit",
     "LatentFitStatus",
     "LatentPosterior",
+    "Metric",
     "PosePrior",
     "PreparedSource",
     "ShapeSpace",

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 GROUP = 8  # target points that share one list of near source boxes
-BLOCK = 32  # source points in a box
+BLOCK = 16  # source points in a box
 
 
 def spatial_order(points: Float[np.ndarray, "m 3"], leaf: int) -> Int[np.ndarray, "m"]:

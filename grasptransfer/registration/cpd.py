@@ -140,7 +140,7 @@ class _Run:
         self.source, self.target, self.known = source, target, known
         self.options, self.expect = options, expect
         self.coefficients = np.zeros((source.factor.shape[1], 3))
-        self.moved = source.normalised.copy()
+        self.moved = source.normalised
         self.variance = _mean_squared_distance(self.moved, target) / 3
         self.outlier_weight = options.first_outlier_weight
         self.objective_history: list[float] = []
@@ -167,11 +167,12 @@ class _Run:
         weights, pull = self.known.join(support, pull, self.variance)
         damping = self.options.lam * self.variance
         self.coefficients = weighted_ridge(factor, weights, damping, pull, scratch=scratch)
-        before, self.moved = self.moved, self.source.normalised + factor @ self.coefficients
+        before = self.moved
+        self.moved = self.source.normalised + factor @ self.coefficients.astype(factor.dtype)
         step = self.moved - before
         # Sum of P |x - T|^2, from its value before the step: no large terms cancel.
         halfway = expectation.moment - support[:, None] * (before + step / 2)
-        squared = expectation.squared - 2 * np.vdot(step, halfway)
+        squared = expectation.squared - 2 * np.einsum("ni,ni->", step, halfway)
         matched = max(float(support.sum()), 1e-12)
         previous, self.variance = self.variance, max(float(squared) / (3 * matched), VARIANCE_FLOOR)
         if self.options.estimates_outliers:
@@ -202,7 +203,7 @@ class _Run:
 
     def result(self, status: CpdStatus, target_from_source: Float[np.ndarray, "4 4"]) -> CpdResult:
         normaliser, unordered = self.source.normaliser, self.source.unordered
-        weights = unordered(self.source.low_rank.shortest_weights(self.coefficients))
+        weights = unordered(self.source.kernel.shortest_weights(self.coefficients))
         support = np.maximum(self.expectation.support, 1e-12)[:, None]
         return CpdResult(
             field=DeformationField(

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+KEPT_SHARE = 0.01  # moves a registered point by 1e-5 of the size at most, as `tolerance` itself does
 CHUNK_PAIRS = 100_000  # kernel entries held at once: they stay in the cache
 
 
@@ -36,6 +37,32 @@ class LowRankKernel:
         # It holds one copy of the factor, NumPy's holds three.
         orthogonal, triangular = qr(self.factor, mode="economic")  # pyright: ignore[reportAssignmentType]
         return orthogonal @ solve_triangular(triangular, coefficients, trans=1)
+
+
+@dataclass(frozen=True, eq=False)
+class PrincipalKernel:
+    """G of a cloud with itself, as `factor @ factor.T`, by as few columns as that takes.
+
+    Args:
+        factor: (n, r) L; its columns are orthogonal.
+        strengths: (r,) their squared lengths, the eigenvalues of G.
+    """
+
+    factor: Float[np.ndarray, "n r"]
+    strengths: Float[np.ndarray, "r"]
+
+    @classmethod
+    def of(cls, points: Float[np.ndarray, "n 3"], beta: float, *, tolerance: float) -> "PrincipalKernel":
+        """Of normalised points; no entry of G is missed by much more than `tolerance`."""
+        factor = pivoted_cholesky(points, beta, tolerance=tolerance).factor
+        strengths, directions = np.linalg.eigh(factor.T @ factor)
+        # An eigenvector is spread over the points: each of its entries misses a small part of this.
+        kept = strengths > KEPT_SHARE * tolerance * len(points)
+        return cls(factor @ directions[:, kept], strengths[kept])
+
+    def shortest_weights(self, coefficients: Float[np.ndarray, "r c"]) -> Float[np.ndarray, "n c"]:
+        """Of all W with L^T W = coefficients the shortest: it holds nothing that G hardly shows."""
+        return self.factor @ (coefficients / self.strengths[:, None])
 
 
 def gaussian(
@@ -104,20 +131,22 @@ def weighted_ridge(
     *,
     scratch: Float[np.ndarray, "n r"],
 ) -> Float[np.ndarray, "r c"]:
-    """Solve (L^T diag(weights) L + damping I) c = L^T right, by Cholesky.
+    """Solve (L^T diag(weights) L + damping I) c = L^T right, by Cholesky in float64.
 
     Args:
+        factor: L, of orthogonal columns: these may be float32, each product is as good as its columns.
         weights: at least 0.
         scratch: overwritten; fresh memory of this size would cost as much as the product.
     """
     from scipy.linalg import lapack
 
-    np.multiply(factor, np.sqrt(weights)[:, None], out=scratch)
-    normal = scratch.T @ scratch
+    np.multiply(factor, np.sqrt(weights).astype(factor.dtype)[:, None], out=scratch)
+    normal = (scratch.T @ scratch).astype(float)
     normal.flat[:: len(normal) + 1] += damping  # the diagonal
-    _, solution, failed = lapack.dposv(normal, factor.T @ right)  # pyright: ignore[reportAttributeAccessIssue]
+    moment = (factor.T @ right.astype(factor.dtype)).astype(float)
+    _, solution, failed = lapack.dposv(normal, moment)  # pyright: ignore[reportAttributeAccessIssue]
     if failed:  # rounding exceeds the damping
-        solution = np.linalg.lstsq(normal, factor.T @ right, rcond=None)[0]
+        solution = np.linalg.lstsq(normal, moment, rcond=None)[0]
     return solution
 
 

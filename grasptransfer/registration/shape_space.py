@@ -19,7 +19,7 @@ import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -33,7 +33,8 @@ from grasptransfer.registration.ppca import count_modes, fit_closed, fit_em
 from grasptransfer.registration.storage import load_arrays, save_arrays
 
 KIND = "shape space"
-METRICS = ("GW", "G", "W")
+Metric = Literal["GW", "G", "W"]
+METRICS = get_args(Metric)
 METHODS = ("closed", "em")
 
 
@@ -61,7 +62,7 @@ class ShapeSpace:
     basis: Float[np.ndarray, "k n 3"]
     variances: Float[np.ndarray, "k"]
     noise_variance: float
-    metric: str = "GW"
+    metric: Metric = "GW"
 
     def __post_init__(self):
         if self.metric not in METRICS:
@@ -92,7 +93,7 @@ class ShapeSpace:
         scale: float,
         *,
         n_modes: int | None = None,
-        metric: Literal["GW", "G", "W"] = "GW",
+        metric: Metric = "GW",
         method: Literal["closed", "em"] = "closed",
         observed: Bool[np.ndarray, "i n"] | None = None,
         seed: int = 0,

@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grasptransfer.shapes.shape import Shape
 
@@ -27,7 +27,7 @@ class SurfaceLocator:
             samples.append(np.einsum("sc,fcd->fsd", weights, self._corners[chosen]).reshape(-1, 3))
             owners.append(np.repeat(chosen, len(weights)))
         self._faces_of_samples = np.concatenate(owners)
-        self._tree = cKDTree(np.concatenate(samples))
+        self._tree = KDTree(np.concatenate(samples))
 
     def locate(
         self, points: Float[np.ndarray, "m 3"]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grasptransfer.category.clouds import visible_surface
 from grasptransfer.category.tasks import TARGET_POINTS, thinned
@@ -50,7 +50,7 @@ def cpd_accuracy(
     Returns:
         one for each pair, the least mean error first.
     """
-    chosen = cKDTree(surface.points).query(surface.control_points)[1]
+    chosen = KDTree(surface.points).query(surface.control_points)[1]
     source = surface.points[chosen]
     drawn = [sample(surface.model.category, FIRST_SEED + index) for index in range(samples)]
     truths = [surface.on(shape)[chosen] for shape in drawn]
@@ -63,7 +63,7 @@ def cpd_accuracy(
             moved = [cpd(prepared, cloud, lam=lam, threads=1).field(source) for cloud in clouds]
             errors = [np.linalg.norm(a - b, axis=1) for a, b in zip(moved, truths, strict=True)]
             shares = [error / size for error, size in zip(errors, sizes, strict=True)]
-            gaps = [np.square(cKDTree(a).query(b)[0]).mean() for a, b in zip(moved, clouds, strict=True)]
+            gaps = [np.square(KDTree(a).query(b)[0]).mean() for a, b in zip(moved, clouds, strict=True)]
             mean, p95 = _figures(errors)
             rows.append(CpdAccuracy(beta, lam, mean, p95, *_figures(shares), float(np.sqrt(np.mean(gaps)))))
     return sorted(rows, key=lambda row: row.mean)

@@ -7,6 +7,8 @@ from functools import cached_property
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int, UInt8
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.shapes.surfaces import Surface
 
@@ -42,14 +44,14 @@ class Material:
         """Whether there is nothing to see: contents of an empty vessel."""
         return self.texture.shape[2] == 4 and not self.texture[..., 3].any()
 
-    def pbr(self) -> trimesh.visual.material.PBRMaterial:
+    def pbr(self) -> PBRMaterial:
         """The material as glTF knows it."""
         from PIL import Image
 
         texture = self.texture if self.transparent else np.ascontiguousarray(self.texture[..., :3])
         # pyrender never finds transparency in a texture, only in the factor: 254 makes it look.
         factor = [255, 255, 255, 254 if self.transparent else 255]
-        return trimesh.visual.material.PBRMaterial(
+        return PBRMaterial(
             baseColorFactor=factor,
             baseColorTexture=Image.fromarray(texture),
             metallicFactor=float(self.metallic),
@@ -83,9 +85,9 @@ class Part:
         name: str, surface: Surface, material: Material, corresponds: Bool[np.ndarray, "v"] | bool = True
     ) -> "Part":
         """A part made of `surface`."""
-        corresponds = np.broadcast_to(corresponds, len(surface.vertices)).copy()
+        each = np.broadcast_to(corresponds, len(surface.vertices)).copy()
         grid = (surface.vertices, surface.faces, surface.uv)
-        return Part(name, *grid, material, corresponds, surface.weld, surface.shading)
+        return Part(name, *grid, material, each, surface.weld, surface.shading)
 
     def solid(self) -> trimesh.Trimesh:
         """The watertight geometry; vertex i is vertex i of the part, repeated ones are left unused."""
@@ -104,7 +106,7 @@ class Part:
 
     def textured(self) -> trimesh.Trimesh:
         """The part as drawn: UV, material and normals."""
-        visual = trimesh.visual.TextureVisuals(uv=self.uv, material=self.material.pbr())
+        visual = TextureVisuals(uv=self.uv, material=self.material.pbr())
         return trimesh.Trimesh(
             self.vertices, self.faces, vertex_normals=self.normals(), visual=visual, process=False
         )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grasptransfer.registration import DeformationField, ShapeSpace
 from grasptransfer.registration.kernels import gaussian
@@ -188,7 +188,7 @@ def _near(points, scale: float) -> Float[np.ndarray, "q 3"]:
     low, high = points.min(0) - NEAR * scale, points.max(0) + NEAR * scale
     axes = [np.arange(start, stop, GRID * scale) for start, stop in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    return grid[cKDTree(points).query(grid)[0] < NEAR * scale]
+    return grid[KDTree(points).query(grid)[0] < NEAR * scale]
 
 
 def _folded(space: ShapeSpace, latents, near) -> float:

@@ -31,8 +31,8 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
             raise GraspFileError(
                 f"must hold one flag for each of {len(poses)} grasps", path=path, key=FLAGS, value=flags.shape
             )
-        name = file["object/file"][()] if "object/file" in file else None  # type: ignore[index]
-        scale = float(file["object/scale"][()]) if "object/scale" in file else 1.0  # type: ignore[index,arg-type]
+        name = np.asarray(file["object/file"]).item() if "object/file" in file else None
+        scale = float(np.asarray(file["object/scale"]).item()) if "object/scale" in file else 1.0
     name = name.decode() if isinstance(name, bytes) else name
     widths = np.full(len(poses), gripper.max_width)
     grasps = numbered(poses @ base_from_tcp(gripper), np.clip(flags.astype(float), 0, 1), widths)

@@ -48,7 +48,8 @@ class _GraspModel(_Loose):
 
 class _FileModel(_Loose):
     format: Literal["isaac_grasp"]
-    format_version: Literal[1.0, "1.0"] = 1.0  # type: ignore[valid-type]
+    # pydantic knows literal floats, the type checker does not.
+    format_version: Literal[1.0, "1.0"] = 1.0  # pyright: ignore[reportInvalidTypeForm]
     object_frame: str | None = None
     object_frame_link: str | None = None
     gripper_frame: str | None = None
