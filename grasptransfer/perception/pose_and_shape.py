@@ -17,10 +17,11 @@ from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.registration import PosePrior
 
 # Neighbouring cells err together, and much of what they say the latent prior from the same picture has
-# said already: all cells count as much as this many independent ones.
-INDEPENDENT_CELLS = 0.6
+# said already, above all of depth: all cells count as much as this many independent ones.
+INDEPENDENT_FLOWS, INDEPENDENT_OFFSETS = 3.0, 0.3
 ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
+LONGEST_STEP = (0.2, 0.05, 2.0)  # rad, m, standard deviations: beyond, a linear model says nothing
 TAIL = 3.0  # degrees of freedom of the pose prior, a Student t distribution
 TOLD_POSE = PosePrior(np.deg2rad(1.0), 0.005)  # how far a told pose may be wrong
 # When the vertices on the outline are searched: once flow and offsets have brought it near, and then
@@ -122,6 +123,7 @@ def fit_pose_and_shape(
     prior = _Prior(told_pose, pose_prior, latent_prior)
     pose, latent = start_pose.copy(), latent_prior.mean
     free = slice(0, None) if pose_prior is not None else slice(6, None)
+    longest = np.concatenate([np.repeat(LONGEST_STEP[:2], 3), np.full(size, LONGEST_STEP[2])])
     covariance, converged = np.zeros((6 + size, 6 + size)), False
     for iteration in range(ITERATIONS):
         if iteration in OUTLINE_SEARCHES:
@@ -131,6 +133,7 @@ def fit_pose_and_shape(
         covariance[free, free] = np.linalg.inv((hessian + np.diag(hold))[free, free])
         step = np.zeros(6 + size)
         step[free] = -covariance[free, free] @ (gradient + pull)[free]
+        step *= min(1.0, 1 / max(np.abs(step / longest).max(), 1e-9))
         pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ pose[:3, :3]
         pose[:3, 3] += step[3:6]
         latent = latent + step[6:]
@@ -205,7 +208,7 @@ def _offset_terms(motion: Motion, mean, basis, latent):
     """Hessian and gradient of the offset residuals; the pose does not enter."""
     size = basis.shape[2]
     residual = mean + basis @ latent - motion.offsets
-    weight = _laplace_weight(residual, motion.offset_scale)
+    weight = _laplace_weight(residual, motion.offset_scale, INDEPENDENT_OFFSETS)
     rows = basis * weight[:, None, None]
     hessian, gradient = np.zeros((6 + size, 6 + size)), np.zeros(6 + size)
     hessian[6:, 6:] = np.einsum("cdk,cdl->kl", rows, basis)
@@ -218,7 +221,7 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     turned = shaped @ pose[:3, :3].T
     seen = turned + pose[:3, 3]
     residual = camera.project(seen) - motion.pixels
-    weight = _laplace_weight(residual, motion.pixel_scale)
+    weight = _laplace_weight(residual, motion.pixel_scale, INDEPENDENT_FLOWS)
     jacobian = _pixel_jacobian(turned, seen, basis, camera, pose)
     rows = jacobian * weight[:, None, None]
     return np.einsum("cdk,cdl->kl", rows, jacobian), np.einsum("cdk,cd->k", rows, residual)
@@ -249,9 +252,9 @@ def _pixel_jacobian(turned, seen, basis, camera: Camera, pose) -> Float[np.ndarr
 
 
 def _laplace_weight(
-    residual: Float[np.ndarray, "c d"], scale: Float[np.ndarray, "c"]
+    residual: Float[np.ndarray, "c d"], scale: Float[np.ndarray, "c"], independent: float
 ) -> Float[np.ndarray, "c"]:
     """Weights with which least squares fits Laplace errors, of few independent cells."""
     length = np.linalg.norm(residual, axis=1)
-    share = min(1.0, INDEPENDENT_CELLS / max(len(length), 1))
+    share = min(1.0, independent / max(len(length), 1))
     return share / (scale * np.sqrt(length**2 + scale**2))

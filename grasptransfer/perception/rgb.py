@@ -121,9 +121,16 @@ class RgbEstimator:
         """The estimate, and what its `category_score` rests on."""
         clock = _Clock()
         pose, latent = self._start(observation), np.zeros(self._vertex_model[1].shape[2])
+        astray = False
         # The second look compares the picture with what the first one made of it.
-        for _ in range(LOOKS):
-            look = self.look(observation, pose, latent)
+        for number in range(LOOKS):
+            try:
+                look = self.look(observation, pose, latent)
+            except PoseError:
+                if number == 0:
+                    raise
+                astray = True  # the fit has lost the object: its answer stands, marked as unsettled
+                break
             clock.lap("network")
             fit = fit_pose_and_shape(
                 look.motion,
@@ -142,7 +149,7 @@ class RgbEstimator:
         found = evidence(look.match, self._overlap(fit, look), fit.latent)
         score = self.confidence.of_the_category(found)
         clock.lap("score")
-        status = EstimateStatus.OK if fit.converged else EstimateStatus.NOT_CONVERGED
+        status = EstimateStatus.OK if fit.converged and not astray else EstimateStatus.NOT_CONVERGED
         estimate = ShapeEstimate(
             field=field,
             camera_from_object=fit.camera_from_object,
