@@ -4,6 +4,7 @@ Exit codes: 0 done; 1 ran, and found no usable grasp or missed a bar; 2 wrong in
 """
 
 import logging
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -46,6 +47,8 @@ def train(
 ) -> int:
     """Render training pictures and train a network; started again, it goes on where it stopped.
 
+    Started again with more steps, a finished run is prolonged.
+
     Args:
         categories: trained together in one network; none given: all shipped ones.
         run: folder of data, checkpoint and log.
@@ -56,7 +59,7 @@ def train(
         steps: optimiser steps.
         batch: samples a step.
         echo: how often each augmented batch is used; 2 halves what preparing them costs.
-        learning_rate: peak of the one-cycle schedule.
+        learning_rate: peak; it falls over the last 30 % of the steps.
         seed: of everything random.
         device: auto, cpu or cuda.
         workers: rendering processes.
@@ -88,7 +91,9 @@ def train(
 def _train_with_progress(
     config: "TrainingConfig", output: Path, run: Path, device: str, workers: int
 ) -> None:
+    from grasptransfer.perception.confidence_fit import fit_confidence
     from grasptransfer.perception.model_card import write_card
+    from grasptransfer.perception.training import HELD_OUT_SEED
     from grasptransfer.perception.training import train as run_training
 
     with progress_bar(console) as progress:
@@ -105,7 +110,15 @@ def _train_with_progress(
                 training, completed=state.step, description=_training_line(state)
             ),
         )
-    card = write_card(output, config, scores, run)
+        if int(os.environ.get("RANK", 0)):
+            return  # the first process of several does the rest
+        fitting = progress.add_task("fitting confidence", total=None)
+        confidence = fit_confidence(
+            output,
+            seed=config.seed + HELD_OUT_SEED,
+            progress=lambda done, total: progress.update(fitting, completed=done, total=total),
+        )
+    card = write_card(output, config, scores, confidence, run)
     console.print(f"Weights: {output}\nModel card: {card}\n{scores}", soft_wrap=True)
 
 

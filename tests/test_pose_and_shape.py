@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
 from grasptransfer.frames import rotation_angle, transform_points
-from grasptransfer.perception.pose_and_shape import Motion, PosePrior, fit_pose_and_shape
+from grasptransfer.perception.pose_and_shape import TOLD_POSE, Motion, fit_pose_and_shape
 from grasptransfer.perception.views import look_at
 
 CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
@@ -45,7 +45,7 @@ def test_exact_motion_gives_the_true_pose_and_latent(seed):
         camera=CAMERA,
         told_pose=told,
         start_pose=told,
-        pose_prior=PosePrior(),
+        pose_prior=TOLD_POSE,
     )
     assert fit.converged
     # The priors pull a little: ten independent cells leave about a millimetre of depth.
@@ -78,7 +78,7 @@ def test_uncertain_motion_leaves_the_latent_at_the_prior():
         camera=CAMERA,
         told_pose=pose,
         start_pose=pose,
-        pose_prior=PosePrior(),
+        pose_prior=TOLD_POSE,
     )
     np.testing.assert_allclose(fit.latent, 0, atol=1e-3)
     np.testing.assert_allclose(np.diag(fit.covariance)[6:], 1, atol=1e-3)
@@ -95,7 +95,7 @@ def test_less_noise_means_a_tighter_posterior():
                 camera=CAMERA,
                 told_pose=pose,
                 start_pose=pose,
-                pose_prior=PosePrior(),
+                pose_prior=TOLD_POSE,
             ).covariance[6:, 6:]
         )
         for scale in (1, 10, 100)

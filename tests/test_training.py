@@ -14,6 +14,7 @@ from grasptransfer.perception.augmentation import network_input, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
 from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import Prediction, build_network
+from grasptransfer.perception.networks.picture_features import load_picture_features
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.samples import render_sample
 from grasptransfer.perception.scenes import NO_NOISE
@@ -107,6 +108,23 @@ def _moved_vertices(shape, canonical):
     face_of = np.zeros(len(canonical.mesh.vertices), int)
     face_of[faces.ravel()] = np.repeat(np.arange(len(faces)), 3)
     return shape.move(np.asarray(canonical.mesh.vertices), face_of)
+
+
+def test_picture_features_name_the_same_places_at_every_scale():
+    features = load_picture_features()
+    picture = torch.zeros(1, 3, 192, 256)
+    picture[..., 128:, 192:] = 1
+    changed = [(a - b).abs().sum(1)[0] for a, b in zip(features(picture), features(0 * picture), strict=True)]
+    for stride, difference in zip((4, 8, 16, 32), changed, strict=True):
+        assert difference.shape == (192 // stride, 256 // stride)
+        assert difference[-1, -1] > 3 * difference[0, 0]
+    assert not any(parameter.requires_grad for parameter in features.parameters())
+
+
+def test_picture_features_stay_out_of_the_weight_file():
+    network = build_network("compact")
+    assert not any("picture_features" in name for name in network.state_dict())
+    assert sum(p.numel() for p in network.parameters()) < 6e6
 
 
 def test_a_picture_alone_gives_what_it_gives_in_a_batch():
@@ -217,11 +235,27 @@ def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monke
     assert resumed == pytest.approx(whole, rel=1e-4)
 
 
+def test_a_prolonged_run_ends_as_one_started_for_that_length(folder, tmp_path, monkeypatch):
+    data = Dataset(folder)
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
+    monkeypatch.setattr(training_module, "load_category", lambda name: _Canonical())
+    monkeypatch.setattr(training_module, "CHECKPOINT_STEPS", 1)
+
+    def run(name, steps):
+        config = TrainingConfig(("mug",), samples=4, held_out=4, steps=steps, batch=2)
+        return train(
+            config, run_folder=tmp_path / name, output=tmp_path / f"{name}.safetensors", device="cpu"
+        )
+
+    run("grown", 3)  # its rate has fallen since the second step
+    assert run("grown", 6) == pytest.approx(run("straight", 6), rel=1e-4)
+
+
 def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypatch):
     data = Dataset(folder)
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
     (tmp_path / "run").mkdir()
-    state = {"config": json.dumps({"steps": 1})}
+    state = {"config": json.dumps({"steps": 2, "seed": 1})}
     torch.save(state, tmp_path / "run" / "checkpoint.pt")
     config = TrainingConfig(("mug",), samples=4, held_out=4, steps=2, batch=2)
     with pytest.raises(SettingsError, match="other settings"):

@@ -77,7 +77,8 @@ def _stranger(
     sprite = Image.fromarray(dataset.sprites[rng.choice(others)], "RGBA")
     sprite = sprite.crop(sprite.getchannel("A").getbbox() or (0, 0, *sprite.size))
     scale = max(u1 - u0, v1 - v0, 8.0) / max(sprite.size)
-    size = tuple(max(round(side * scale), 4) for side in sprite.size)
+    width, height = sprite.size
+    size = max(round(width * scale), 4), max(round(height * scale), 4)
     sprite = sprite.resize(size)
     left, top = round((u0 + u1 - size[0]) / 2), round((v0 + v1 - size[1]) / 2)
     whole = Image.new("RGBA", (ZOOM_WIDTH, ZOOM_HEIGHT))

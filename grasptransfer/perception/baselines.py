@@ -121,11 +121,11 @@ def depth_cloud(observation: Observation) -> Float[np.ndarray, "m 3"]:
     """
     if observation.depth is None:
         raise ImageError("this estimator needs a depth picture", key="depth", value=None)
-    if observation.mask is None and observation.box is None:
-        raise ImageError("this estimator needs a mask or a box around the object", key="mask", value=None)
     measured = observation.depth > 0
     if observation.mask is not None:
         measured &= observation.mask
+    elif observation.box is None:
+        raise ImageError("this estimator needs a mask or a box around the object", key="mask", value=None)
     else:
         v, u = np.mgrid[0 : measured.shape[0], 0 : measured.shape[1]]
         u0, v0, u1, v1 = observation.box

@@ -1,8 +1,9 @@
 """What every estimator returns: the field from canonical to instance, and how sure it is."""
 
+import dataclasses
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -51,7 +52,7 @@ class ShapeEstimate:
     mask: Bool[np.ndarray, "h w"] | None = None
     category_score: float = 1.0
     status: EstimateStatus = EstimateStatus.OK
-    timings: dict[str, float] = field(default_factory=dict)
+    timings: dict[str, float] = dataclasses.field(default_factory=dict)
 
 
 Estimator: TypeAlias = Callable[[Observation], ShapeEstimate]

@@ -9,34 +9,24 @@ offsets alone (eq. 13); flow says more where the shape is seen, and tells pose f
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
 from grasptransfer.perception.silhouette import Silhouette
+from grasptransfer.registration import PosePrior
 
 # Neighbouring cells err together, and much of what they say the latent prior from the same picture has
-# said already: all cells count as much as this many independent ones.
-INDEPENDENT_CELLS = 0.6
+# said already, above all of depth: all cells count as much as this many independent ones.
+INDEPENDENT_FLOWS, INDEPENDENT_OFFSETS = 3.0, 0.3
 ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
+LONGEST_STEP = (0.2, 0.05, 2.0)  # rad, m, standard deviations: beyond, a linear model says nothing
 TAIL = 3.0  # degrees of freedom of the pose prior, a Student t distribution
+TOLD_POSE = PosePrior(np.deg2rad(1.0), 0.005)  # how far a told pose may be wrong
 # When the vertices on the outline are searched: once flow and offsets have brought it near, and then
 # again; after that they stay, or the fit would jump between neighbouring vertices for ever.
 OUTLINE_SEARCHES = (3, 6, 9)
-
-
-@dataclass(frozen=True)
-class PosePrior:
-    """How far the told pose may be wrong: standard deviations.
-
-    Args:
-        rotation: about each axis [rad].
-        translation: along each axis [m].
-    """
-
-    rotation: float = np.deg2rad(1.0)
-    translation: float = 0.005
 
 
 @dataclass(frozen=True)
@@ -127,32 +117,23 @@ def fit_pose_and_shape(
         latent_prior: None takes the shape space's own, zero mean and unit deviation.
         outline: the predicted mask, and the model's surface whose outline must meet it.
     """
-    mean, basis = model
-    size = basis.shape[2]
+    size = model[1].shape[2]
     latent_prior = latent_prior or LatentPrior(np.zeros(size), np.ones(size))
+    evidence = _Evidence(motion, points, model, camera, outline)
+    prior = _Prior(told_pose, pose_prior, latent_prior)
     pose, latent = start_pose.copy(), latent_prior.mean
-    prior = np.concatenate([np.ones(6), latent_prior.deviation**-2])
-    if pose_prior is not None:
-        prior[:3], prior[3:6] = pose_prior.rotation**-2, pose_prior.translation**-2
     free = slice(0, None) if pose_prior is not None else slice(6, None)
+    longest = np.concatenate([np.repeat(LONGEST_STEP[:2], 3), np.full(size, LONGEST_STEP[2])])
     covariance, converged = np.zeros((6 + size, 6 + size)), False
-    border = np.zeros(0, int)
     for iteration in range(ITERATIONS):
-        hessian, gradient = _offset_terms(motion, mean, basis, latent)
-        flow = _flow_terms(motion, points + mean + basis @ latent, basis, camera, pose)
-        hessian, gradient = hessian + flow[0], gradient + flow[1]
-        if outline is not None and outline.silhouette.usable and iteration >= OUTLINE_SEARCHES[0]:
-            if iteration in OUTLINE_SEARCHES:
-                border = outline.silhouette.outline(outline.shaped(latent), pose)
-            terms = _outline_terms(outline, border, latent, pose)
-            hessian, gradient = hessian + terms[0], gradient + terms[1]
-        astray = np.concatenate([_drift(told_pose, pose), latent - latent_prior.mean])
-        holding = prior * _tail_weight(astray, prior)
-        hessian[np.diag_indices(6 + size)] += holding
-        gradient += holding * astray
-        covariance[free, free] = np.linalg.inv(hessian[free, free])
+        if iteration in OUTLINE_SEARCHES:
+            evidence.search_outline(pose, latent)
+        hessian, gradient = evidence.quadratic(pose, latent)
+        hold, pull = prior.quadratic(pose, latent)
+        covariance[free, free] = np.linalg.inv((hessian + np.diag(hold))[free, free])
         step = np.zeros(6 + size)
-        step[free] = -covariance[free, free] @ gradient[free]
+        step[free] = -covariance[free, free] @ (gradient + pull)[free]
+        step *= min(1.0, 1 / max(np.abs(step / longest).max(), 1e-9))
         pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ pose[:3, :3]
         pose[:3, 3] += step[3:6]
         latent = latent + step[6:]
@@ -160,6 +141,53 @@ def fit_pose_and_shape(
         if converged and (outline is None or iteration > OUTLINE_SEARCHES[-1]):
             break
     return PoseAndShape(pose, latent, covariance, converged)
+
+
+@dataclass
+class _Evidence:
+    """What the picture says, as hessian and gradient over turn, shift and latent."""
+
+    motion: Motion
+    points: Float[np.ndarray, "c 3"]
+    model: tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 3 k"]]
+    camera: Camera
+    outline: Outline | None
+    border: Int[np.ndarray, "b"] | None = None  # vertices on the outline, once searched
+
+    def search_outline(self, pose, latent):
+        """Find the vertices that lie on the model's outline now."""
+        if self.outline is not None and self.outline.silhouette.usable:
+            self.border = self.outline.silhouette.outline(self.outline.shaped(latent), pose)
+
+    def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
+        """Of flow, offsets and outline together."""
+        mean, basis = self.model
+        terms = [
+            _offset_terms(self.motion, mean, basis, latent),
+            _flow_terms(self.motion, self.points + mean + basis @ latent, basis, self.camera, pose),
+        ]
+        if self.outline is not None and self.border is not None:
+            terms.append(_outline_terms(self.outline, self.border, latent, pose))
+        hessians, gradients = zip(*terms, strict=True)
+        return np.sum(hessians, axis=0), np.sum(gradients, axis=0)
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """What was told of the pose, and what is known of the latent."""
+
+    told_pose: Float[np.ndarray, "4 4"]
+    pose: PosePrior | None
+    latent: LatentPrior
+
+    def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s"], Float[np.ndarray, "s"]]:
+        """Diagonal of the hessian, and gradient."""
+        precision = np.concatenate([np.ones(6), self.latent.deviation**-2])
+        if self.pose is not None:
+            precision[:3], precision[3:6] = self.pose.rotation**-2, self.pose.translation**-2
+        astray = np.concatenate([_drift(self.told_pose, pose), latent - self.latent.mean])
+        hold = precision * _tail_weight(astray, precision)
+        return hold, hold * astray
 
 
 def _tail_weight(astray, prior) -> Float[np.ndarray, "s"]:
@@ -180,7 +208,7 @@ def _offset_terms(motion: Motion, mean, basis, latent):
     """Hessian and gradient of the offset residuals; the pose does not enter."""
     size = basis.shape[2]
     residual = mean + basis @ latent - motion.offsets
-    weight = _laplace_weight(residual, motion.offset_scale)
+    weight = _laplace_weight(residual, motion.offset_scale, INDEPENDENT_OFFSETS)
     rows = basis * weight[:, None, None]
     hessian, gradient = np.zeros((6 + size, 6 + size)), np.zeros(6 + size)
     hessian[6:, 6:] = np.einsum("cdk,cdl->kl", rows, basis)
@@ -193,13 +221,13 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     turned = shaped @ pose[:3, :3].T
     seen = turned + pose[:3, 3]
     residual = camera.project(seen) - motion.pixels
-    weight = _laplace_weight(residual, motion.pixel_scale)
+    weight = _laplace_weight(residual, motion.pixel_scale, INDEPENDENT_FLOWS)
     jacobian = _pixel_jacobian(turned, seen, basis, camera, pose)
     rows = jacobian * weight[:, None, None]
     return np.einsum("cdk,cdl->kl", rows, jacobian), np.einsum("cdk,cd->k", rows, residual)
 
 
-def _outline_terms(outline: "Outline", border, latent, pose):
+def _outline_terms(outline: Outline, border, latent, pose):
     """Hessian and gradient of the outline's distances to the mask's border."""
     camera = outline.silhouette.camera
     turned = outline.shaped(latent)[border] @ pose[:3, :3].T
@@ -224,9 +252,9 @@ def _pixel_jacobian(turned, seen, basis, camera: Camera, pose) -> Float[np.ndarr
 
 
 def _laplace_weight(
-    residual: Float[np.ndarray, "c d"], scale: Float[np.ndarray, "c"]
+    residual: Float[np.ndarray, "c d"], scale: Float[np.ndarray, "c"], independent: float
 ) -> Float[np.ndarray, "c"]:
     """Weights with which least squares fits Laplace errors, of few independent cells."""
     length = np.linalg.norm(residual, axis=1)
-    share = min(1.0, INDEPENDENT_CELLS / max(len(length), 1))
+    share = min(1.0, independent / max(len(length), 1))
     return share / (scale * np.sqrt(length**2 + scale**2))

@@ -3,6 +3,8 @@
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 
 def draw_random_object(rng: np.random.Generator) -> trimesh.Scene:
@@ -12,8 +14,8 @@ def draw_random_object(rng: np.random.Generator) -> trimesh.Scene:
         solid = _solid(rng)
         solid.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
         solid.apply_translation(rng.normal(0, 0.03, 3))
-        solid.visual = trimesh.visual.TextureVisuals(
-            material=trimesh.visual.material.PBRMaterial(
+        solid.visual = TextureVisuals(
+            material=PBRMaterial(
                 baseColorFactor=[*rng.uniform(0.02, 1, 3), 1.0],
                 metallicFactor=float(rng.choice([0.0, 0.0, 0.9])),
                 roughnessFactor=float(rng.uniform(0.15, 0.95)),
@@ -21,7 +23,7 @@ def draw_random_object(rng: np.random.Generator) -> trimesh.Scene:
         )
         scene.add_geometry(solid)
     turn = np.eye(4)
-    turn[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+    turn[:3, :3] = Rotation.random(random_state=rng).as_matrix()  # pyright: ignore[reportCallIssue]
     turn[:3, 3] = -turn[:3, :3] @ scene.bounds.mean(0)
     return scene.apply_transform(turn)
 

@@ -180,13 +180,17 @@ class Renderer:
 
     def _draw_colour(self, stage: "_Stage", background: list[float]) -> UInt8[np.ndarray, "h w 4"]:
         stage.scene.bg_color = np.array(background)
-        return self._context.render(stage.scene, flags=_pyrender().RenderFlags.RGBA)[0]
+        picture = self._context.render(stage.scene, flags=_pyrender().RenderFlags.RGBA)
+        assert picture is not None
+        return picture[0]
 
     def _draw_depth(self, stage: "_Stage") -> Float32[np.ndarray, "h w"]:
         # Segmentation is pyrender's only pass without multisampling, whose depth would belong
         # to a point up to 0.4 px beside the pixel's centre.
         nodes = {node: 255 for node in stage.scene.mesh_nodes}
-        return self._context.render(stage.scene, flags=_pyrender().RenderFlags.SEG, seg_node_map=nodes)[1]
+        picture = self._context.render(stage.scene, flags=_pyrender().RenderFlags.SEG, seg_node_map=nodes)
+        assert picture is not None
+        return picture[1]
 
     def _resize(self, camera: Camera):
         self._context.viewport_width, self._context.viewport_height = camera.width, camera.height
@@ -288,7 +292,7 @@ def _is_clear(part: trimesh.Trimesh) -> bool:
 
 def _is_smooth(mesh: trimesh.Trimesh) -> bool:
     # Scans and textured meshes bring their normals; a coarse untextured one looks better faceted.
-    return mesh.visual.kind == "texture" or len(mesh.faces) > 2000
+    return getattr(mesh.visual, "kind", None) == "texture" or len(mesh.faces) > 2000
 
 
 @lru_cache(maxsize=1)

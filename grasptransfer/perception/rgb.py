@@ -16,15 +16,23 @@ from grasptransfer.category import Category
 from grasptransfer.errors import PoseError, WeightsError
 from grasptransfer.perception.augmentation import network_input
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
+from grasptransfer.perception.confidence import Evidence, evidence
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
-from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, MASK_STRIDE, OFFSET_UNIT, Prediction
+from grasptransfer.perception.networks import (
+    FLOW_UNIT,
+    LATENT_SIZE,
+    MASK_STRIDE,
+    OFFSET_UNIT,
+    Prediction,
+    channels_last,
+)
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import (
+    TOLD_POSE,
     LatentPrior,
     Motion,
     Outline,
     PoseAndShape,
-    PosePrior,
     fit_pose_and_shape,
 )
 from grasptransfer.perception.rendering import Renderer
@@ -37,16 +45,12 @@ from grasptransfer.perception.zoom import (
     zoom_camera,
     zoom_picture,
 )
+from grasptransfer.registration import PosePrior
 
 LOOKS = 2
 ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
-# Squared: on random shapes, stated intervals of 90 % held the truth in 60 %.
-OVERCONFIDENCE = 4.0
 ACCEPTED_SCORE = 0.5
-# Fitted to random shapes of all categories and to random objects; the overlap counts for less than they
-# ask for, because occluders cost real pictures some of it.
-SCORE_BIAS, SCORE_MATCH, SCORE_OVERLAP, SCORE_FAR = -4.2, 0.8, 6.0, -4.0
 
 
 @dataclass(frozen=True)
@@ -92,9 +96,10 @@ class RgbEstimator:
         from grasptransfer.perception.training import choose_device
 
         self.category, self.refine_pose = category, refine_pose
-        self.pose_prior = pose_prior or PosePrior()
+        self.pose_prior = pose_prior or TOLD_POSE
         path = weights or find_weights(category.name)
         self.network, info = load_weights(path)
+        self.confidence = info.confidence
         self._number = list(info.categories).index(category.name) if category.name in info.categories else -1
         if info.categories.get(category.name) != category.canonical_sha256:
             raise WeightsError(
@@ -105,16 +110,27 @@ class RgbEstimator:
                 fix=f"Train again: grasptransfer train {category.name}",
             )
         self.device = torch.device(choose_device(device))
-        self.network.to(self.device, memory_format=torch.channels_last)
+        channels_last(self.network, self.device)
         self.renderer = renderer or Renderer()
 
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate the shape, and the pose where `refine_pose` is set."""
+        return self.assess(observation)[0]
+
+    def assess(self, observation: Observation) -> tuple[ShapeEstimate, Evidence]:
+        """The estimate, and what its `category_score` rests on."""
         clock = _Clock()
         pose, latent = self._start(observation), np.zeros(self._vertex_model[1].shape[2])
+        astray = False
         # The second look compares the picture with what the first one made of it.
-        for _ in range(LOOKS):
-            look = self.look(observation, pose, latent)
+        for number in range(LOOKS):
+            try:
+                look = self.look(observation, pose, latent)
+            except PoseError:
+                if number == 0:
+                    raise
+                astray = True  # the fit has lost the object: its answer stands, marked as unsettled
+                break
             clock.lap("network")
             fit = fit_pose_and_shape(
                 look.motion,
@@ -130,19 +146,21 @@ class RgbEstimator:
             pose, latent = fit.camera_from_object, fit.latent
             clock.lap("fit")
         field = self.category.shape_space.field(fit.latent)
-        score = self._score(fit, look)
+        found = evidence(look.match, self._overlap(fit, look), fit.latent)
+        score = self.confidence.of_the_category(found)
         clock.lap("score")
-        status = EstimateStatus.OK if fit.converged else EstimateStatus.NOT_CONVERGED
-        return ShapeEstimate(
+        status = EstimateStatus.OK if fit.converged and not astray else EstimateStatus.NOT_CONVERGED
+        estimate = ShapeEstimate(
             field=field,
             camera_from_object=fit.camera_from_object,
             latent=fit.latent,
-            latent_covariance=_widened(fit.covariance[6:, 6:]),
+            latent_covariance=self.confidence.widened(fit.covariance[6:, 6:]),
             mask=_whole_mask(look, observation.camera),
             category_score=score,
             status=status if score >= ACCEPTED_SCORE else EstimateStatus.OUT_OF_CATEGORY,
             timings=clock.seconds,
         )
+        return estimate, found
 
     def _start(self, observation: Observation) -> Float[np.ndarray, "4 4"]:
         """The told pose; one that lies far from the told box is first centred on it, as in training."""
@@ -212,28 +230,14 @@ class RgbEstimator:
     def _with_vertices(self, vertices: Float[np.ndarray, "v 3"]) -> trimesh.Trimesh:
         return trimesh.Trimesh(vertices, self.category.canonical.faces, process=False)
 
-    def _score(self, fit: PoseAndShape, look: Look) -> float:
-        """Chance that the object is of the category, in [0, 1], by a logistic model.
-
-        Its evidence: what the network says, how well the reconstruction covers the predicted mask, and how
-        far the latent lies from the mean.
-        """
+    def _overlap(self, fit: PoseAndShape, look: Look) -> float:
+        """How well the reconstruction's silhouette covers the predicted mask: intersection over union."""
         mesh = self._with_vertices(self._shaped(fit.latent))
         silhouette = (
             self.renderer.depth(mesh, look.camera, fit.camera_from_object)[2::MASK_STRIDE, 2::MASK_STRIDE] > 0
         )
         seen = look.object_probability > 0.5
-        overlap = (silhouette & seen).sum() / max((silhouette | seen).sum(), 1)
-        match = np.log((look.match + 1e-4) / (1 - look.match + 1e-4))
-        far = np.sqrt(np.mean(fit.latent**2))
-        evidence = SCORE_BIAS + SCORE_MATCH * match + SCORE_OVERLAP * overlap + SCORE_FAR * far
-        return float(1 / (1 + np.exp(-evidence)))
-
-
-def _widened(covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
-    """What the stated covariance has to be for its intervals to hold, no wider than the shape space's own."""
-    values, vectors = np.linalg.eigh(covariance)
-    return (vectors * np.minimum(values * OVERCONFIDENCE, 1.0)) @ vectors.T
+        return float((silhouette & seen).sum() / max((silhouette | seen).sum(), 1))
 
 
 def _latent_prior(prediction: Prediction, assumed: Float[np.ndarray, "k"]) -> LatentPrior:

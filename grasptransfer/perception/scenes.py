@@ -66,7 +66,7 @@ def draw_pose(camera: Camera, radius: float, rng: np.random.Generator) -> Float[
             :3, :3
         ]
     else:
-        rotation = Rotation.random(random_state=rng).as_matrix()
+        rotation = Rotation.random(random_state=rng).as_matrix()  # pyright: ignore[reportCallIssue]
     margin = min(size / 2, 200)
     pixel = np.array([rng.uniform(margin, PICTURE[0] - margin), rng.uniform(margin, PICTURE[1] - margin)])
     pose = np.eye(4)

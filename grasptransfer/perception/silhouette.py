@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from grasptransfer.camera import Camera
 
 BORDER_SCALE = 2.0  # px: Laplace scale of the predicted border's error
-INDEPENDENT_POINTS = 5.0  # all outline points together count as this many independent ones
+INDEPENDENT_POINTS = 30.0  # all outline points together count as this many independent ones
 OUTLINE = 1.5  # px: how near to the model's own border a point counts as on it
 FARTHEST = 30.0  # px: farther borders belong to something else, such as what hides the object
 
@@ -78,7 +78,8 @@ class Silhouette:
 def _signed_distance(mask: np.ndarray) -> Float[np.ndarray, "h w"]:
     if mask.all() or not mask.any():
         return np.full(mask.shape, np.inf if mask.all() else -np.inf)
-    return distance_transform_edt(mask) - distance_transform_edt(~mask) - np.where(mask, 0.5, -0.5)
+    inside, outside = np.asarray(distance_transform_edt(mask)), np.asarray(distance_transform_edt(~mask))
+    return inside - outside - np.where(mask, 0.5, -0.5)
 
 
 def _sample(picture: Float[np.ndarray, "h w"], pixels: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p"]:

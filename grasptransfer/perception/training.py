@@ -18,12 +18,15 @@ from grasptransfer.perception.augmentation import Inputs, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
 from grasptransfer.perception.estimators import check_device
 from grasptransfer.perception.losses import training_loss
-from grasptransfer.perception.networks import build_network
+from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.weights import WeightsInfo, save_weights
 
-CHECKPOINT_STEPS = 250
+CHECKPOINT_STEPS, LOGGED_STEPS = 250, 50
 ECHO_WINDOW = 8  # batches between two uses of the same one
+WARM_UP = 300  # steps until the learning rate has risen to its peak
+DECAY = 0.3  # the last share of the steps, over which it falls to zero
+FULL_RATE, FALLING_RATE = "checkpoint.pt", "checkpoint_falling.pt"  # before and while the rate falls
 HELD_OUT_SEED = 1_000_003  # held-out shapes come from another seed than the training ones
 
 
@@ -40,7 +43,7 @@ class TrainingConfig:
         steps: optimiser steps.
         batch: samples a step, over all processes.
         echo: how often each augmented batch is used; above 1 where preparing it costs more than learning.
-        learning_rate: peak of the one-cycle schedule.
+        learning_rate: peak; held until the last `DECAY` of the steps.
         weight_decay: of AdamW.
         seed: of everything random.
     """
@@ -97,23 +100,7 @@ def train(
         torch.distributed.barrier()
     training_set, held_out_set = _data_sets(config, run_folder, workers, None)
     run = _Run(config, run_folder, torch.device(choose_device(device)), rank, world)
-    numbers = [_batch_number(step, config.echo) for step in range(run.step, config.steps)]
-    batches = prefetch(lambda number: run.batch_of(number, training_set), numbers, reuse=ECHO_WINDOW)
-    clock, since = time.monotonic(), run.step
-    recent: list[dict[str, torch.Tensor]] = []
-    for inputs, targets in batches:
-        recent.append(run.advance(inputs, targets))
-        if rank == 0 and (run.step % 50 == 0 or run.step == config.steps):
-            spent = time.monotonic() - clock
-            speed = (run.step - since) * config.batch / spent
-            clock, since, run.seconds = clock + spent, run.step, run.seconds + spent
-            values = {name: float(np.mean([terms[name].item() for terms in recent])) for name in recent[0]}
-            recent.clear()
-            run.log(values)
-            if on_step:
-                on_step(Progress(run.step, config.steps, values, speed))
-        if rank == 0 and run.step % CHECKPOINT_STEPS == 0:
-            run.save()
+    run.finish(training_set, on_step)
     scores = evaluate(run.network, held_out_set, config)
     if rank == 0:
         run.save()
@@ -144,22 +131,43 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
 
 
 class _Run:
-    """Network, optimiser and schedule, restored from the last checkpoint of the folder."""
+    """Network and optimiser, restored from the last checkpoint of the folder."""
 
     def __init__(self, config: TrainingConfig, folder: Path, device: torch.device, rank: int, world: int):
         torch.manual_seed(config.seed)
         self.config, self.folder, self.device, self.rank, self.world = config, folder, device, rank, world
         self.network = build_network(config.network, len(config.categories))
-        self.network.to(device, memory_format=torch.channels_last)
+        channels_last(self.network, device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
-        )
-        self.schedule = torch.optim.lr_scheduler.OneCycleLR(
-            self.optimiser, config.learning_rate, total_steps=config.steps + 1, pct_start=0.08
         )
         self.step, self.seconds = 0, 0.0
         self._restore()
         self.parallel = DistributedDataParallel(self.network) if world > 1 else self.network
+
+    def finish(self, dataset: Dataset, on_step: Callable[[Progress], None] | None):
+        """All steps that are left, logged and saved as they go."""
+        numbers = [_batch_number(step, self.config.echo) for step in range(self.step, self.config.steps)]
+        batches = prefetch(lambda number: self.batch_of(number, dataset), numbers, reuse=ECHO_WINDOW)
+        clock, since = time.monotonic(), self.step
+        recent: list[dict[str, torch.Tensor]] = []
+        for inputs, targets in batches:
+            recent.append(self.advance(inputs, targets))
+            if self.rank:
+                continue
+            if self.step % LOGGED_STEPS == 0 or self.step == self.config.steps:
+                spent = time.monotonic() - clock
+                speed = (self.step - since) * self.config.batch / spent
+                clock, since, self.seconds = clock + spent, self.step, self.seconds + spent
+                values = {
+                    name: float(np.mean([terms[name].item() for terms in recent])) for name in recent[0]
+                }
+                recent.clear()
+                self.log(values)
+                if on_step:
+                    on_step(Progress(self.step, self.config.steps, values, speed))
+            if self.step % CHECKPOINT_STEPS == 0:
+                self.save()
 
     def batch_of(self, number: int, dataset: Dataset):
         # Every batch follows from its number alone, so a resumed run sees what an unbroken one would.
@@ -173,11 +181,12 @@ class _Run:
         with torch.autocast(self.device.type, dtype=torch.bfloat16):
             prediction = self.parallel(pictures, inputs[1].to(self.device))
         terms = training_loss(prediction, targets, self.config.loss)
+        for group in self.optimiser.param_groups:
+            group["lr"] = learning_rate(self.config, self.step)
         self.optimiser.zero_grad(set_to_none=True)
         terms["total"].backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
         self.optimiser.step()
-        self.schedule.step()
         self.step += 1
         return {name: value.detach() for name, value in terms.items()}
 
@@ -188,11 +197,11 @@ class _Run:
             "seconds": self.seconds,
             "network": self.network.state_dict(),
             "optimiser": self.optimiser.state_dict(),
-            "schedule": self.schedule.state_dict(),
         }
+        name = FULL_RATE if self.step <= _decay_start(self.config) else FALLING_RATE
         unfinished = self.folder / "checkpoint.part"
         torch.save(state, unfinished)
-        os.replace(unfinished, self.folder / "checkpoint.pt")
+        os.replace(unfinished, self.folder / name)
 
     def log(self, terms: dict[str, float]):
         path = self.folder / "log.csv"
@@ -205,20 +214,44 @@ class _Run:
             writer.writerow([self.step, f"{self.seconds:.1f}", *values])
 
     def _restore(self):
-        path = self.folder / "checkpoint.pt"
-        if not path.exists():
+        state = self._latest_checkpoint()
+        if state is None:
             return
-        state = torch.load(path, map_location=self.device, weights_only=True)
-        if json.loads(state["config"]) != json.loads(json.dumps(asdict(self.config))):
-            raise SettingsError(
-                "holds a run with other settings",
-                path=path,
-                fix="Choose another run folder, or delete this one",
-            )
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
-        self.schedule.load_state_dict(state["schedule"])
         self.step, self.seconds = state["step"], state["seconds"]
+
+    def _latest_checkpoint(self) -> dict | None:
+        """The newest checkpoint that an unbroken run with these settings would have passed.
+
+        Until the learning rate falls, a run is the same whatever number of steps it was started for.
+        """
+        own = json.loads(json.dumps(asdict(self.config)))
+        for name in (FALLING_RATE, FULL_RATE):
+            path = self.folder / name
+            if not path.exists():
+                continue
+            state = torch.load(path, map_location=self.device, weights_only=True)
+            other = json.loads(state["config"])
+            if {**other, "steps": 0} != {**own, "steps": 0}:
+                raise SettingsError(
+                    "holds a run with other settings",
+                    path=path,
+                    fix="Choose another run folder, or delete this one",
+                )
+            if other == own or (name == FULL_RATE and state["step"] <= _decay_start(self.config)):
+                return state
+        return None
+
+
+def learning_rate(config: TrainingConfig, step: int) -> float:
+    """Rises, stays, falls: all but the fall is the same for any number of steps, so runs can be prolonged."""
+    falling = (config.steps - step) / (config.steps - _decay_start(config))
+    return config.learning_rate * min((step + 1) / WARM_UP, 1.0, falling)
+
+
+def _decay_start(config: TrainingConfig) -> int:
+    return round((1 - DECAY) * config.steps)
 
 
 def _batch_number(step: int, echo: int) -> int:

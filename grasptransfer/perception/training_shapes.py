@@ -106,7 +106,7 @@ def _parametric(name: str, seed: int, rho: float) -> TrainingShape:
         corners = rest.faces[faces]
         weights = trimesh.triangles.points_to_barycentric(rest.vertices[corners], points)
         places = np.einsum("mc,mcd->md", weights, moved.vertices[corners])
-        return places, corresponds[corners].all(1)
+        return places, np.asarray(corresponds[corners].all(1))
 
     latent = training_canonical(name).latent_of(moved.vertices - rest.vertices, corresponds)
     return TrainingShape(sample.scene(), np.asarray(moved.vertices), move, latent)

@@ -3,13 +3,14 @@
 import hashlib
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from grasptransfer.category import objects_folder
 from grasptransfer.errors import WeightsError
+from grasptransfer.perception.confidence import Confidence
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -19,10 +20,12 @@ class WeightsInfo:
     Args:
         network: name for `build_network`.
         categories: canonical checksum of each category it was trained on, in the order of their numbers.
+        confidence: how sure its estimates may be.
     """
 
     network: str
     categories: dict[str, str]
+    confidence: Confidence = field(default_factory=Confidence)
 
 
 def save_weights(path: Path, network, info: WeightsInfo):
@@ -37,6 +40,7 @@ def save_weights(path: Path, network, info: WeightsInfo):
         "format_version": str(FORMAT_VERSION),
         "network": info.network,
         "categories": json.dumps(info.categories),
+        "confidence": json.dumps(info.confidence.as_data()),
         "sha256": _digest(tensors),
     }
     unfinished = path.with_name(path.name + ".part")
@@ -77,7 +81,8 @@ def load_weights(path: Path):
     categories = json.loads(header["categories"])
     network = build_network(header["network"], len(categories))
     network.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
-    return network.eval(), WeightsInfo(header["network"], categories)
+    confidence = Confidence.from_data(json.loads(header.get("confidence", "{}")))
+    return network.eval(), WeightsInfo(header["network"], categories, confidence)
 
 
 def find_weights(category: str) -> Path:

@@ -4,8 +4,9 @@ Every network maps `(b, 8, 192, 256)` (observed RGB and box mask, coordinates an
 assumed so far) and the number of each sample's category to a `Prediction`.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -42,6 +43,14 @@ class Prediction(NamedTuple):
     latent: Float[Tensor, "b 40"] | None = None
     latent_log_scale: Float[Tensor, "b 40"] | None = None
     match_logit: Float[Tensor, "b"] | None = None
+
+
+Network = TypeVar("Network", bound=nn.Module)
+
+
+def channels_last(network: Network, device: torch.device) -> Network:
+    """The network on the device, its weights in the order in which convolutions are quick."""
+    return network.to(device).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
 
 
 def network_names() -> list[str]:

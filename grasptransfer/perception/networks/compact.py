@@ -1,5 +1,8 @@
 """The default network: a small U-shaped FlowNet with residual stages, made for two CPU cores.
 
+It matches the observed picture with the model; what the picture shows by itself it is told by
+`PictureFeatures`, level by level.
+
 Group norm, not batch norm: the observed and the rendered picture have different statistics,
 and batch statistics that mix them fail in evaluation.
 """
@@ -11,7 +14,8 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from grasptransfer.perception.networks import LATENT_SIZE, Prediction
+from grasptransfer.perception.networks import LATENT_SIZE, Prediction, channels_last
+from grasptransfer.perception.networks.picture_features import FEATURES, load_picture_features
 
 WIDTHS = (32, 64, 128, 208)  # channels at strides 4, 8, 16, 32
 CONTEXT = 320
@@ -26,12 +30,19 @@ class CompactFlowNet(nn.Module):
 
     def __init__(self, categories: int = 1):
         super().__init__()
+        # In a tuple, the features are no part of the state: they never change and have a file of their own.
+        self._picture_features = (load_picture_features(),)
         # One wide strided convolution: fine levels cost most of the time and hold least of the answer.
-        self.stem = nn.Sequential(nn.Conv2d(8, WIDTHS[0], 8, 4, 2, bias=False), _norm(WIDTHS[0]), nn.ReLU())
+        self.stem = nn.Sequential(nn.Conv2d(8, WIDTHS[0], 8, 4, 2, bias=False), _norm(WIDTHS[0]))
         self.down = nn.ModuleList(
-            nn.Sequential(_conv(a, b, 2), ResidualBlock(b), ResidualBlock(b))
+            nn.Sequential(nn.Conv2d(a, b, 3, 2, 1, bias=False), _norm(b))
             for a, b in itertools.pairwise(WIDTHS)
         )
+        self.told = nn.ModuleList(
+            nn.Sequential(nn.Conv2d(a, b, 1, bias=False), _norm(b))
+            for a, b in zip(FEATURES, WIDTHS, strict=True)
+        )
+        self.refine = nn.ModuleList(nn.Sequential(ResidualBlock(b), ResidualBlock(b)) for b in WIDTHS[1:])
         # Where things are matters to the whole shape, so the deepest level is not pooled but flattened.
         self.context = nn.Sequential(
             nn.Conv2d(WIDTHS[-1], 24, 1),
@@ -48,20 +59,37 @@ class CompactFlowNet(nn.Module):
             for a, b in zip(WIDTHS[:1:-1], WIDTHS[-2:0:-1], strict=True)
         )
         self.motion = nn.Conv2d(WIDTHS[1], 7, 3, 1, 1)
-        self.mask = nn.Sequential(_conv(WIDTHS[1] + WIDTHS[0], 24, 1), nn.Conv2d(24, 1, 3, 1, 1))
-        for head in (self.motion, self.latent):
-            nn.init.zeros_(head.weight)
-            nn.init.zeros_(head.bias)
+        self.mask = nn.Sequential(
+            _conv(WIDTHS[1] + WIDTHS[0], WIDTHS[0], 1),
+            ResidualBlock(WIDTHS[0]),
+            nn.Conv2d(WIDTHS[0], 1, 3, 1, 1),
+        )
+        for parameter in (*self.motion.parameters(), *self.latent.parameters()):
+            nn.init.zeros_(parameter)
 
-    def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
+    def picture_features(self, pictures: Float[Tensor, "b 8 192 256"]) -> list[Tensor]:
+        """What `PictureFeatures` says of the observed RGB."""
+        features = channels_last(self._picture_features[0], pictures.device)
+        return features(pictures[:, :3])
+
+    def forward(
+        self,
+        pictures: Float[Tensor, "b 8 192 256"],
+        category: Int[Tensor, "b"],
+        features: list[Tensor] | None = None,
+    ) -> Prediction:
         """Predict from observed RGB + box and the model's coordinates + mask, stacked.
 
         Args:
             category: number of each sample's category.
+            features: `picture_features(pictures)` where they are at hand.
         """
-        levels = [self.stem(pictures)]
-        for stage in self.down:
-            levels.append(stage(levels[-1]))
+        told = [
+            layer(f) for layer, f in zip(self.told, features or self.picture_features(pictures), strict=True)
+        ]
+        levels = [torch.relu(self.stem(pictures) + told[0])]
+        for down, more, refine in zip(self.down, told[1:], self.refine, strict=True):
+            levels.append(refine(torch.relu(down(levels[-1]) + more)))
         deep = levels[-1]
         context = self.context(deep)
         deep = deep + self.spread(context)[:, :, None, None]

@@ -1,0 +1,54 @@
+"""How sure an estimate may be: numbers fitted to each network once it is trained (`confidence_fit`)."""
+
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+from jaxtyping import Float
+
+Evidence = Float[np.ndarray, "3"]
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """What turns a network's own statements into chances that hold.
+
+    Args:
+        bias, match, overlap, far: of the logistic model for "is of the category", on `evidence`.
+        overconfidence: how much larger the latent's covariance has to be than the fit says.
+    """
+
+    bias: float = -4.2
+    match: float = 0.8
+    overlap: float = 6.0
+    far: float = -4.0
+    overconfidence: float = 4.0
+
+    def of_the_category(self, evidence: Evidence) -> float:
+        """Chance that the object is of the category, in [0, 1]."""
+        said = self.bias + np.dot([self.match, self.overlap, self.far], evidence)
+        return float(1 / (1 + np.exp(-said)))
+
+    def widened(self, covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+        """The latent's covariance with which stated intervals hold, no wider than the shape space's own."""
+        values, vectors = np.linalg.eigh(covariance)
+        return (vectors * np.minimum(values * self.overconfidence, 1.0)) @ vectors.T
+
+    def as_data(self) -> dict[str, float]:
+        """For a weight file's header."""
+        return {name: round(float(value), 4) for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_data(cls, data: dict[str, float]) -> "Confidence":
+        """Of `as_data`; what is missing keeps its default."""
+        return cls(**{field.name: float(data[field.name]) for field in fields(cls) if field.name in data})
+
+
+def evidence(match: float, overlap: float, latent: Float[np.ndarray, "k"]) -> Evidence:
+    """What speaks for the category.
+
+    Args:
+        match: the network's probability.
+        overlap: of the reconstruction's silhouette and the predicted mask, intersection over union.
+        latent: how far the shape lies from the mean.
+    """
+    return np.array([np.log((match + 1e-4) / (1 - match + 1e-4)), overlap, np.sqrt(np.mean(latent**2))])

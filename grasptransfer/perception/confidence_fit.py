@@ -1,0 +1,145 @@
+"""Fit `Confidence` to a trained network: on shapes that no training saw, and on objects of other kinds."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+from PIL import Image
+from scipy.optimize import minimize
+
+from grasptransfer import shapes
+from grasptransfer.category import load_category
+from grasptransfer.perception.backgrounds import draw_background
+from grasptransfer.perception.confidence import Confidence, Evidence
+from grasptransfer.perception.observation import Observation
+from grasptransfer.perception.random_objects import draw_random_object
+from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.scenes import draw_camera, draw_lighting, draw_pose, towards
+from grasptransfer.perception.training_shapes import draw_training_shape
+from grasptransfer.perception.weights import load_weights, save_weights
+
+OCCLUDED = 0.25  # share of the pictures
+HIDDEN = (0.02, 0.35)  # share of the object that an occluder may hide
+INTERVAL = 0.9
+NORMAL_90 = 1.645  # standard deviations on either side that hold 90 % of a normal distribution
+RIDGE = 1e-3
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One picture's outcome: what speaks for the category, and how far off the latent is.
+
+    Args:
+        own: whether the object is of the category.
+        errors: (k,) of the latent over its stated deviations, before `overconfidence`; None for strangers.
+    """
+
+    own: bool
+    evidence: Evidence
+    errors: Float[np.ndarray, "k"] | None = None
+
+
+def fit_confidence(
+    weights: Path,
+    *,
+    pictures: int = 40,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Confidence:
+    """Fit the confidence of a weight file to pictures, and write it into the file.
+
+    Args:
+        pictures: of own shapes, and as many of strangers, for each category.
+        seed: of shapes, pictures and strangers.
+        progress: called with (pictures done, in all).
+    """
+    network, info = load_weights(weights)
+    total = 2 * pictures * len(info.categories)
+    seen: list[Seen] = []
+    for number, name in enumerate(info.categories):
+        rng = np.random.default_rng([seed, 5, number])
+        for one in _look_at_objects(name, weights, pictures, rng):
+            seen.append(one)
+            if progress:
+                progress(len(seen), total)
+    confidence = replace(fit_score(seen), overconfidence=fit_overconfidence(seen))
+    save_weights(weights, network, replace(info, confidence=confidence))
+    return confidence
+
+
+def fit_score(seen: list[Seen]) -> Confidence:
+    """Logistic regression on the evidence; own objects and strangers count the same, however many."""
+    own = np.array([one.own for one in seen])
+    rows = np.array([[1.0, *one.evidence] for one in seen])
+    share = np.where(own, 0.5 / own.sum(), 0.5 / (~own).sum())
+    sign = np.where(own, -1.0, 1.0)
+
+    def loss(weights):
+        return share @ np.logaddexp(0, sign * (rows @ weights)) + RIDGE * weights[1:] @ weights[1:]
+
+    return Confidence(*(float(value) for value in minimize(loss, np.zeros(rows.shape[1])).x))
+
+
+def fit_overconfidence(seen: list[Seen]) -> float:
+    """How much the squared deviations must grow for 90 % intervals to hold the truth in 90 %."""
+    errors = np.concatenate([one.errors for one in seen if one.errors is not None])
+    return float(max(np.quantile(np.abs(errors), INTERVAL) / NORMAL_90, 1.0) ** 2)
+
+
+def _look_at_objects(name: str, weights: Path, pictures: int, rng: np.random.Generator) -> Iterator[Seen]:
+    category = load_category(name)
+    with Renderer() as renderer:
+        estimator = RgbEstimator(category, renderer=renderer, weights=weights, refine_pose=False)
+        estimator.confidence = replace(estimator.confidence, overconfidence=1.0)
+        for _ in range(pictures):
+            shape = draw_training_shape(name, rng)
+            estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng))
+            assert estimate.latent is not None
+            assert estimate.latent_covariance is not None
+            known = len(shape.latent)
+            deviations = np.sqrt(np.diag(estimate.latent_covariance))[:known]
+            yield Seen(True, evidence, (estimate.latent[:known] - shape.latent) / deviations)
+        for stranger in _strangers(name, pictures, rng):
+            yield Seen(False, estimator.assess(_picture_of(stranger, renderer, rng))[1])
+
+
+def _strangers(name: str, count: int, rng: np.random.Generator) -> Iterator[trimesh.Scene]:
+    """Objects of the other categories, and as many of none."""
+    others = [other for other in shapes.generators() if other != name]
+    for index in range(count):
+        if index % 2:
+            yield draw_random_object(rng)
+        else:
+            yield shapes.sample(others[index // 2 % len(others)], int(rng.integers(2**31))).scene()
+
+
+def _picture_of(scene, renderer: Renderer, rng: np.random.Generator) -> Observation:
+    """A random picture with the true pose and no box; sometimes something stands before the object."""
+    bounds = np.asarray(scene.bounds)
+    radius = float(np.linalg.norm(np.abs(bounds).max(0)))
+    camera = draw_camera(rng)
+    pose = draw_pose(camera, radius, rng)
+    picture = renderer.render(scene, camera, pose, lighting=draw_lighting(rng))
+    background = Image.fromarray(draw_background(rng, [])).resize((camera.width, camera.height))
+    pixels = picture.over(np.asarray(background))
+    if rng.random() < OCCLUDED:
+        pixels = _occluded(pixels, picture.mask, camera, pose, radius, renderer, rng)
+    return Observation(pixels, camera, pose)
+
+
+def _occluded(
+    pixels, mask: Bool[np.ndarray, "h w"], camera, pose, radius: float, renderer: Renderer, rng
+) -> np.ndarray:
+    """The picture with a random object before the object's rim, unless it would hide too much or nothing."""
+    thing = draw_random_object(rng)
+    nearer = pose.copy()
+    nearer[:3, 3] *= 0.75
+    nearer[:2, 3] += rng.uniform(-radius, radius, 2)
+    nearer[:3, :3] = towards(nearer[:3, 3])
+    front = renderer.render(thing, camera, nearer, lighting=draw_lighting(rng))
+    hidden = (front.mask & mask).sum() / max(mask.sum(), 1)
+    return front.over(pixels) if HIDDEN[0] < hidden < HIDDEN[1] else pixels
