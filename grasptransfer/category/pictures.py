@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int, UInt8
 from PIL import Image, ImageDraw, ImageFont
 from trimesh.visual import TextureVisuals
 from trimesh.visual.color import uv_to_color
@@ -203,8 +203,3 @@ def _base_colour(part, corners, weights):
 def _texture(material) -> Image.Image | None:
     image = getattr(material, "baseColorTexture", None)
     return getattr(material, "image", None) if image is None else image
-
-
-def inked(image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
-    """Where a picture is not background."""
-    return np.any(image < 250, axis=-1)

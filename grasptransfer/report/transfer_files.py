@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,7 +32,6 @@ PROTOCOL = "lift-shake-v1"
 EXECUTED = 5  # usable grasps, the best of each label
 FRAMES_PER_SECOND = 10.0
 LARGEST_EXTENT = 3.0  # m; a mesh beyond it was given in millimetres
-Stage = Callable[[str], None]
 
 
 @dataclass(frozen=True)

@@ -271,22 +271,3 @@ def lettering(
     if with_mark:
         logo(image, rng, (0, bottom + 0.03 * height, width, height), opaque)
     return image
-
-
-def sticker(rng: np.random.Generator, size: int) -> Image.Image:
-    """A round or square sticker (RGBA) with a mark or a price."""
-    paper = draw_colour(rng)
-    image = Image.new("RGBA", (size, size), (*paper, 0))
-    box = (2, 2, size - 3, size - 3)
-    draw = ImageDraw.Draw(image)
-    if rng.random() < 0.5:
-        draw.ellipse(box, fill=(*paper, 255), outline=(*contrast(paper, rng), 255), width=max(size // 24, 1))
-    else:
-        draw.rounded_rectangle(box, size / 8, fill=(*paper, 255))
-    ink = (*contrast(paper, rng), 255)
-    inner = (0.22 * size, 0.25 * size, 0.78 * size, 0.75 * size)
-    if rng.random() < 0.5:
-        write(image, f"{rng.integers(1, 30)}.{rng.integers(10, 99)}", inner, ink)
-    else:
-        logo(image, rng, inner, ink)
-    return image
