@@ -9,7 +9,7 @@ import ctypes.util
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -20,28 +20,10 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from grasptransfer.camera import Camera
 from grasptransfer.errors import GraspTransferError, PoseError
 from grasptransfer.frames import OPENGL_FROM_OPENCV, invert, transform_points
+from grasptransfer.perception.lighting import Lighting, pose_shining_from
 
 if sys.platform == "linux":
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")  # read once, when OpenGL is imported
-
-
-@dataclass(frozen=True)
-class Lighting:
-    """Lights of a picture.
-
-    Args:
-        ambient: strength of the light from everywhere.
-        directions_camera: (lights, 3) where each light comes from, camera frame.
-        colours: (lights, 3) linear RGB times intensity of each directional light.
-    """
-
-    ambient: float = 0.35
-    directions_camera: Float[np.ndarray, "lights 3"] = field(
-        default_factory=lambda: np.array([[-0.4, -0.7, -0.6], [0.7, -0.2, -0.7]])
-    )
-    colours: Float[np.ndarray, "lights 3"] = field(
-        default_factory=lambda: np.array([[2.6, 2.6, 2.5], [1.2, 1.2, 1.3]])
-    )
 
 
 @dataclass(frozen=True)
@@ -258,17 +240,7 @@ class _Stage:
         for direction, colour in zip(lighting.directions_camera, lighting.colours, strict=True):
             intensity = float(np.max(colour))
             light = pyrender.DirectionalLight(color=colour / max(intensity, 1e-9), intensity=intensity)
-            self.light_nodes.append((self.scene.add(light), _pose_shining_from(direction)))
-
-
-def _pose_shining_from(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
-    """A pose whose z axis points to where the light comes from (an OpenGL light shines along -z)."""
-    z = direction / np.linalg.norm(direction)
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    return pose
+            self.light_nodes.append((self.scene.add(light), pose_shining_from(direction)))
 
 
 def _parts(mesh: trimesh.Trimesh | trimesh.Scene) -> list[trimesh.Trimesh]:

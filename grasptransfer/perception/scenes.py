@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
-from grasptransfer.perception.rendering import Lighting
+from grasptransfer.perception.lighting import Lighting
 from grasptransfer.perception.views import look_at, sphere_views
 
 PICTURE = (640, 480)  # px: the virtual camera before the zoom
@@ -39,7 +39,6 @@ class PoseNoise:
 
 
 NO_NOISE = PoseNoise(0.0, 0.0)
-PAPER_NOISE = PoseNoise(0.05, 0.0)  # section VI: uniform +-5 cm on each axis
 WIDE_NOISE = PoseNoise(0.05, np.deg2rad(10))  # only beside a box, on which the pose is then centred
 TRAINING_NOISES = (NO_NOISE, PoseNoise(0.01, np.deg2rad(3)), WIDE_NOISE)
 TRAINING_NOISE_SHARES = (0.4, 0.35, 0.25)

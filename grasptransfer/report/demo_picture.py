@@ -25,7 +25,8 @@ from grasptransfer.camera import Camera
 from grasptransfer.category import load_category, objects_folder
 from grasptransfer.files import write_whole
 from grasptransfer.frames import rigid
-from grasptransfer.perception.rendering import Lighting, Renderer
+from grasptransfer.perception.lighting import Lighting
+from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.views import look_at
 from grasptransfer.report.studio import smaller
 

@@ -11,7 +11,8 @@ from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.camera import Camera
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.perception.rendering import Lighting, Renderer
+from grasptransfer.perception.lighting import Lighting
+from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.views import look_at
 from grasptransfer.perception.zoom import Box, projected_box, union
 
