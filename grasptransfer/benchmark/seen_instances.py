@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from jaxtyping import Float, Float32, Int
-from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.errors import MeshError, SettingsError
-from grasptransfer.perception.backgrounds import draw_background
+from grasptransfer.perception.backgrounds import draw_backdrop
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.scenes import PoseNoise, draw_lighting
@@ -152,9 +151,9 @@ def see_instance(
     pose = sphere_views(distance)[index]
     rng = np.random.default_rng([seed, index])
     picture = renderer.render(instance.mesh, CAMERA, pose, lighting=draw_lighting(rng))
-    background = Image.fromarray(draw_background(rng, [])).resize((CAMERA.width, CAMERA.height))
+    background = draw_backdrop(rng, CAMERA.width, CAMERA.height)
     told = noise.apply(pose, rng) if noise else pose
     observation = observe(
-        picture.over(np.asarray(background)), told, camera=CAMERA, mask=picture.mask, depth=picture.depth
+        picture.over(background), told, camera=CAMERA, mask=picture.mask, depth=picture.depth
     )
     return Sight(observation, pose, picture.alpha)

@@ -8,6 +8,11 @@ BACKGROUND_WIDTH, BACKGROUND_HEIGHT = 320, 240  # px
 Sprite = UInt8[np.ndarray, "hs ws 4"]
 
 
+def draw_backdrop(rng: np.random.Generator, width: int, height: int) -> UInt8[np.ndarray, "h w 3"]:
+    """A random background without clutter, as large as a camera's picture [px]."""
+    return np.asarray(Image.fromarray(draw_background(rng, [])).resize((width, height)))
+
+
 def draw_background(rng: np.random.Generator, sprites: list[Sprite]) -> UInt8[np.ndarray, "240 320 3"]:
     """A random background.
 

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
-from PIL import Image
 from scipy.optimize import minimize
 
 from grasptransfer import shapes
 from grasptransfer.category import load_category
-from grasptransfer.perception.backgrounds import draw_background
+from grasptransfer.perception.backgrounds import draw_backdrop
 from grasptransfer.perception.confidence import Confidence, Evidence
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.random_objects import draw_random_object
@@ -124,8 +123,7 @@ def _picture_of(scene, renderer: Renderer, rng: np.random.Generator) -> Observat
     camera = draw_camera(rng)
     pose = draw_pose(camera, radius, rng)
     picture = renderer.render(scene, camera, pose, lighting=draw_lighting(rng))
-    background = Image.fromarray(draw_background(rng, [])).resize((camera.width, camera.height))
-    pixels = picture.over(np.asarray(background))
+    pixels = picture.over(draw_backdrop(rng, camera.width, camera.height))
     if rng.random() < OCCLUDED:
         pixels = _occluded(pixels, picture.mask, camera, pose, radius, renderer, rng)
     return Observation(pixels, camera, pose)

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from grasptransfer.perception.networks import LATENT_SIZE, Prediction, channels_last
+from grasptransfer.perception.networks import LATENT_SIZE, Prediction
 from grasptransfer.perception.networks.picture_features import FEATURES, load_picture_features
 
 WIDTHS = (32, 64, 128, 208)  # channels at strides 4, 8, 16, 32
@@ -67,26 +67,19 @@ class CompactFlowNet(nn.Module):
         for parameter in (*self.motion.parameters(), *self.latent.parameters()):
             nn.init.zeros_(parameter)
 
-    def picture_features(self, pictures: Float[Tensor, "b 8 192 256"]) -> list[Tensor]:
-        """What `PictureFeatures` says of the observed RGB."""
-        features = channels_last(self._picture_features[0], pictures.device)
-        return features(pictures[:, :3])
+    def _apply(self, fn, recurse=True):
+        # What moves or converts the network does the same to the features, which are no submodule.
+        self._picture_features[0]._apply(fn)
+        return super()._apply(fn, recurse)
 
-    def forward(
-        self,
-        pictures: Float[Tensor, "b 8 192 256"],
-        category: Int[Tensor, "b"],
-        features: list[Tensor] | None = None,
-    ) -> Prediction:
+    def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
         """Predict from observed RGB + box and the model's coordinates + mask, stacked.
 
         Args:
             category: number of each sample's category.
-            features: `picture_features(pictures)` where they are at hand.
         """
-        told = [
-            layer(f) for layer, f in zip(self.told, features or self.picture_features(pictures), strict=True)
-        ]
+        features = self._picture_features[0](pictures[:, :3])
+        told = [layer(feature) for layer, feature in zip(self.told, features, strict=True)]
         levels = [torch.relu(self.stem(pictures) + told[0])]
         for down, more, refine in zip(self.down, told[1:], self.refine, strict=True):
             levels.append(refine(torch.relu(down(levels[-1]) + more)))
