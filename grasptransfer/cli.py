@@ -37,9 +37,9 @@ def train(
     network: str = "compact",
     loss: str = "likelihood",
     samples: int = 20_000,
-    steps: int = 4500,
+    steps: int = 12_000,
     batch: int = 32,
-    echo: int = 1,
+    echo: int = 2,
     learning_rate: float = 1e-3,
     seed: int = 0,
     device: str = "auto",
@@ -47,7 +47,7 @@ def train(
 ) -> int:
     """Render training pictures and train a network; started again, it goes on where it stopped.
 
-    Started again with more steps, a finished run is prolonged.
+    Started again with more steps, a finished run is prolonged. The defaults made the shipped weights.
 
     Args:
         categories: trained together in one network; none given: all shipped ones.

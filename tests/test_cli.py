@@ -1,5 +1,7 @@
 """The command line: every help runs, wrong input ends with code 2 and one clear line."""
 
+import dataclasses
+import inspect
 import shutil
 import subprocess
 import sys
@@ -137,6 +139,16 @@ def test_grasps_of_another_canonical_model_are_refused(files, capsys, tmp_path, 
     assert str(path) in err
     assert "canonical" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_training_has_the_same_defaults_on_the_command_line_and_in_the_library():
+    from grasptransfer.perception.training import TrainingConfig
+
+    command = {name: one.default for name, one in inspect.signature(COMMANDS["train"]).parameters.items()}
+    library = {field.name: field.default for field in dataclasses.fields(TrainingConfig)}
+    shared = (command.keys() & library.keys()) - {"categories"}
+    assert len(shared) == 8
+    assert {name: command[name] for name in shared} == {name: library[name] for name in shared}
 
 
 def test_the_installed_command_runs():

@@ -53,9 +53,9 @@ class TrainingConfig:
     loss: str = "likelihood"
     samples: int = 20_000
     held_out: int = 512
-    steps: int = 4500
+    steps: int = 12_000
     batch: int = 32
-    echo: int = 1
+    echo: int = 2
     learning_rate: float = 1e-3
     weight_decay: float = 0.02
     seed: int = 0
