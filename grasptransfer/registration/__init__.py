@@ -4,10 +4,11 @@ from grasptransfer.registration.cpd import cpd, cpd_all
 from grasptransfer.registration.cpd_input import PreparedSource
 from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdStatus
 from grasptransfer.registration.field import DeformationField, FieldPair, register_pair
+from grasptransfer.registration.field_metric import Metric
 from grasptransfer.registration.fit_residuals import PosePrior
 from grasptransfer.registration.latent_fit import LatentFit, LatentFitStatus, latent_fit
 from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
-from grasptransfer.registration.shape_space import Metric, ShapeSpace
+from grasptransfer.registration.shape_space import ShapeSpace
 
 __all__ = [
     "CpdProgress",

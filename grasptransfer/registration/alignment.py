@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from grasptransfer.registration.blocks import BLOCK, spatial_order
 from grasptransfer.registration.clouds import Normaliser
-from grasptransfer.registration.expectation import NO_OUTLIERS, EStep
+from grasptransfer.registration.expectation import EStep, log_outlier_term
 
 ALIGNMENTS = ("none", "rigid", "similarity", "affine")
 ITERATIONS = 100
@@ -28,6 +28,8 @@ def align(
     more than about 60 degrees is not found.
 
     Args:
+        source: (n, 3) [m].
+        target: (m, 3) [m], any frame.
         kind: "none" (the identity), "rigid", "similarity" or "affine".
         outlier_weight: share of target points without counterpart.
     """
@@ -36,26 +38,7 @@ def align(
     own, other = _robust(source), _robust(target)
     if kind == "rigid":  # one scale for both: a rigid motion must not hide a difference in size
         other = Normaliser(other.centre, own.scale)
-    source_n, target_n = own(source), other(target)
-    source_n = source_n[spatial_order(source_n, BLOCK)]
-    linear, shift = np.eye(3), np.zeros(3)
-    middle = target_n - target_n.mean(0)
-    variance = float(np.square(source_n).sum(1).mean() + np.square(middle).sum(1).mean()) / 3
-    with EStep(target_n, len(source_n)) as expect:
-        for _ in range(ITERATIONS):
-            log_outlier = NO_OUTLIERS
-            if outlier_weight:
-                odds = outlier_weight / (1 - outlier_weight) * len(source_n) / len(target_n)
-                log_outlier = 1.5 * np.log(2 * np.pi * variance) + np.log(odds)
-            moved = source_n @ linear.T + shift
-            found = expect(moved, variance, log_outlier=log_outlier)
-            linear, shift = _fit(source_n, found.support, found.moment, kind)
-            step = source_n @ linear.T + shift - moved
-            pull = found.moment - found.support[:, None] * moved
-            squared = found.squared + np.sum(found.support[:, None] * step**2 - 2 * step * pull)
-            previous, variance = variance, max(float(squared / (3 * found.support.sum())), 1e-8)
-            if abs(previous - variance) < TOLERANCE:
-                break
+    linear, shift = _register(own(source), other(target), kind, outlier_weight)
     target_from_source = np.eye(4)
     target_from_source[:3, :3] = linear * other.scale / own.scale
     target_from_source[:3, 3] = other.centre + other.scale * shift - target_from_source[:3, :3] @ own.centre
@@ -76,7 +59,35 @@ def _robust(points: Float[np.ndarray, "m 3"]) -> Normaliser:
     return Normaliser.of(points[near <= 4 * np.median(near)])
 
 
-def _fit(source, support, moment, kind):
+def _register(
+    source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "m 3"], kind: str, outlier_weight: float
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """EM: linear part and shift that bring the source nearest to the target, both normalised."""
+    source = source[spatial_order(source, BLOCK)]
+    linear, shift = np.eye(3), np.zeros(3)
+    middle = target - target.mean(0)
+    variance = float(np.square(source).sum(1).mean() + np.square(middle).sum(1).mean()) / 3
+    with EStep(target, len(source)) as expect:
+        for _ in range(ITERATIONS):
+            outlier = log_outlier_term(outlier_weight, variance, source=len(source), target=len(target))
+            moved = source @ linear.T + shift
+            found = expect(moved, variance, log_outlier=outlier)
+            linear, shift = _fit(source, found.support, found.moment, kind)
+            step = source @ linear.T + shift - moved
+            pull = found.moment - found.support[:, None] * moved
+            squared = found.squared + np.sum(found.support[:, None] * step**2 - 2 * step * pull)
+            previous, variance = variance, max(float(squared / (3 * found.support.sum())), 1e-8)
+            if abs(previous - variance) < TOLERANCE:
+                break
+    return linear, shift
+
+
+def _fit(
+    source: Float[np.ndarray, "n 3"],
+    support: Float[np.ndarray, "n"],
+    moment: Float[np.ndarray, "n 3"],
+    kind: str,
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
     """Linear part and shift that take the source to the weighted means of its targets."""
     total = support.sum()
     source_mean, target_mean = support @ source / total, moment.sum(0) / total

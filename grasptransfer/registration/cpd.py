@@ -34,7 +34,7 @@ from grasptransfer.registration.cpd_input import (
     check_traits,
 )
 from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdStatus
-from grasptransfer.registration.expectation import NO_OUTLIERS, EStep, Expectation
+from grasptransfer.registration.expectation import EStep, Expectation, log_outlier_term
 from grasptransfer.registration.field import DeformationField
 from grasptransfer.registration.kernels import weighted_ridge
 
@@ -119,8 +119,13 @@ def cpd_all(
     """Register one prepared source to many targets in parallel, in their order.
 
     Args:
+        source: used for all of them.
+        targets: (m, 3) each [m], as of `cpd`.
         workers: registrations that run at once, each in one thread.
         options: of `cpd`.
+
+    Raises:
+        PointCloudError, SettingsError, NotSucceeded: of the first target that `cpd` raises it for.
     """
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(lambda target: cpd(source, target, threads=1, **options), targets))
@@ -148,7 +153,10 @@ class _Run:
     def iterate(self, callback) -> CpdStatus:
         scratch = np.empty_like(self.source.factor)
         for _ in range(self.options.max_iterations):
-            expectation = self.expect(self.moved, self.variance, log_outlier=self._log_outlier())
+            outlier = log_outlier_term(
+                self.outlier_weight, self.variance, source=self.source.count, target=len(self.target)
+            )
+            expectation = self.expect(self.moved, self.variance, log_outlier=outlier)
             self.objective_history.append(self._objective(expectation))
             change = self._maximise(expectation, scratch)
             self.expectation = expectation
@@ -178,13 +186,6 @@ class _Run:
         if self.options.estimates_outliers:
             self.outlier_weight = float(np.clip(1 - matched / len(self.target), 1e-6, 0.95))
         return previous - self.variance
-
-    def _log_outlier(self) -> float:
-        """Log of the uniform part beside the sum of exponentials (2010, eq. 6)."""
-        if not self.outlier_weight:
-            return NO_OUTLIERS
-        odds = self.outlier_weight / (1 - self.outlier_weight)
-        return 1.5 * np.log(2 * np.pi * self.variance) + np.log(odds * self.source.count / len(self.target))
 
     def _objective(self, expectation: Expectation) -> float:
         """Negative log-likelihood and lambda / 2 tr(W^T G W), which EM never lets rise."""

@@ -34,7 +34,15 @@ NO_OUTLIERS = -1e30  # log of an outlier term of zero
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What the M-step needs of the responsibilities P."""
+    """What the M-step needs of the responsibilities P, both clouds normalised.
+
+    Args:
+        support: (n,) P 1, how many target points belong to each source point.
+        moment: (n, 3) P X, sum of the target points that do, each by its share.
+        inlier: (m,) P^T 1, probability of each target point to belong to the source at all.
+        squared: sum of P_nm |x_m - T(y_n)|^2.
+        log_likelihood: of the target, but for a constant that EM adds.
+    """
 
     support: Float[np.ndarray, "n"]
     moment: Float[np.ndarray, "n 3"]
@@ -157,6 +165,20 @@ class EStep:
         scale = np.sqrt(0.5 / np.log(2))
         pair = traits.target[self._order], traits.source
         return tuple(np.ascontiguousarray(side.T * scale, dtype=np.float32) for side in pair)
+
+
+def log_outlier_term(weight: float, variance: float, *, source: int, target: int) -> float:
+    """Log of the uniform part beside the sum of exponentials (2010, eq. 6).
+
+    Args:
+        weight: share of target points without counterpart, 0 <= w < 1.
+        variance: sigma^2, normalised.
+        source, target: how many points each cloud has.
+    """
+    if not weight:
+        return NO_OUTLIERS
+    odds = weight / (1 - weight) * source / target
+    return 1.5 * np.log(2 * np.pi * variance) + np.log(odds)
 
 
 def _cores() -> int:

@@ -25,13 +25,7 @@ from jaxtyping import Float
 
 from grasptransfer.errors import PointCloudError, SettingsError
 from grasptransfer.registration.clouds import Normaliser, check_cloud, check_points
-from grasptransfer.registration.kernels import (
-    CHUNK_PAIRS,
-    compress,
-    gaussian,
-    gaussian_times,
-    pivoted_cholesky,
-)
+from grasptransfer.registration.kernels import compress, gaussian_times, smoothest_weights
 from grasptransfer.registration.storage import load_arrays, save_arrays
 
 logger = logging.getLogger(__name__)
@@ -92,7 +86,17 @@ class DeformationField:
         centre: Float[np.ndarray, "3"] | None = None,
         scale: float | None = None,
     ) -> "DeformationField":
-        """The field that moves nothing; the normaliser defaults to the control points' own."""
+        """The field that moves nothing.
+
+        Args:
+            control_points: (n, 3) [m].
+            beta: width of the kernel, normalised units.
+            centre, scale: normaliser [m]; the control points' own by default.
+
+        Raises:
+            PointCloudError: a cloud that is not (n, 3), not finite or without extent.
+            SettingsError: beta or scale not positive.
+        """
         points = check_cloud(control_points, "control_points")
         own = Normaliser.of(points)
         centre = own.centre if centre is None else centre
@@ -119,10 +123,13 @@ class DeformationField:
             control_points: (n, 3) [m].
             points: (m, 3) canonical points [m], the control points or any others.
             targets: (m, 3) where they belong [m].
+            beta: width of the kernel, normalised units.
             regularisation: larger is smoother; 1e-9 nearly interpolates.
+            centre, scale: normaliser [m]; the control points' own by default.
 
         Raises:
             PointCloudError: clouds of unequal length, not finite or without extent.
+            SettingsError: beta, regularisation or scale not positive.
         """
         field = cls.identity(control_points, beta=beta, centre=centre, scale=scale)
         points, targets = check_points(points, "points", fewest=1), check_points(targets, "targets")
@@ -131,24 +138,13 @@ class DeformationField:
                 f"{len(points)} points need as many targets", key="targets", value=len(targets)
             )
         regularisation = positive(regularisation, "regularisation")
-        from scipy.linalg import cho_factor, cho_solve, solve_triangular
-
-        control, moved = field.normaliser(field.control_points), field.normaliser(points)
-        low_rank = pivoted_cholesky(control, field.beta, tolerance=1e-10)
-        # Features F with F F^T = G(points, points) up to the factor's tolerance; v = F c, c = L^T W.
-        at_pivots = low_rank.factor[low_rank.pivots]
-        normal = np.zeros((len(at_pivots),) * 2)
-        moment = np.zeros((len(at_pivots), 3))
-        rows = max(1, CHUNK_PAIRS // len(at_pivots))
-        for start in range(0, len(points), rows):
-            chunk = slice(start, start + rows)
-            kernel = gaussian(control[low_rank.pivots], moved[chunk], field.beta)
-            features = solve_triangular(at_pivots, kernel, lower=True)
-            normal += features @ features.T
-            moment += features @ ((targets[chunk] - points[chunk]) / field.scale)
-        normal[np.diag_indices_from(normal)] += regularisation
-        coefficients = cho_solve(cho_factor(normal), moment)
-        weights = low_rank.shortest_weights(coefficients)
+        weights = smoothest_weights(
+            field.normaliser(field.control_points),
+            field.normaliser(points),
+            (targets - points) / field.scale,
+            beta=field.beta,
+            regularisation=regularisation,
+        )
         return dataclasses.replace(field, weights=weights)
 
     def __call__(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
@@ -253,7 +249,12 @@ class DeformationField:
 
 @dataclass(frozen=True, eq=False)
 class FieldPair:
-    """The map from instance A to instance B, through the canonical model both were registered to."""
+    """The map from instance A to instance B, through the canonical model both were registered to.
+
+    Args:
+        field_a: canonical to A.
+        field_b: canonical to B.
+    """
 
     field_a: DeformationField
     field_b: DeformationField

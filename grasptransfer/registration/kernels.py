@@ -150,6 +150,40 @@ def weighted_ridge(
     return solution
 
 
+def smoothest_weights(
+    centres: Float[np.ndarray, "n 3"],
+    points: Float[np.ndarray, "m 3"],
+    displacements: Float[np.ndarray, "m 3"],
+    *,
+    beta: float,
+    regularisation: float,
+) -> Float[np.ndarray, "n 3"]:
+    """W of the least `|G(points, centres) W - displacements|^2 + regularisation * tr(W^T G W)`.
+
+    Args:
+        centres: (n, 3) normalised.
+        points: (m, 3) where the displacements are known, normalised.
+        displacements: (m, 3) normalised.
+    """
+    from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+    low_rank = pivoted_cholesky(centres, beta, tolerance=1e-10)
+    # Features F with F F^T = G(points, points) up to the factor's tolerance; v = F c, c = L^T W.
+    at_pivots = low_rank.factor[low_rank.pivots]
+    normal = np.zeros((len(at_pivots),) * 2)
+    moment = np.zeros((len(at_pivots), 3))
+    rows = max(1, CHUNK_PAIRS // len(at_pivots))
+    for start in range(0, len(points), rows):
+        chunk = slice(start, start + rows)
+        kernel = gaussian(centres[low_rank.pivots], points[chunk], beta)
+        features = solve_triangular(at_pivots, kernel, lower=True)
+        normal += features @ features.T
+        moment += features @ displacements[chunk]
+    normal[np.diag_indices_from(normal)] += regularisation
+    coefficients = cho_solve(cho_factor(normal), moment)
+    return low_rank.shortest_weights(coefficients)
+
+
 def compress(
     centres: Float[np.ndarray, "n 3"], beta: float, columns: Float[np.ndarray, "n c"]
 ) -> tuple[Float[np.ndarray, "r 3"], Float[np.ndarray, "r c"]]:

@@ -22,12 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from grasptransfer.errors import NotSucceeded
+from grasptransfer.errors import NotSucceeded, SettingsError
 from grasptransfer.frames import check_rigid
 from grasptransfer.registration.blas_threads import single_blas_thread
 from grasptransfer.registration.blocks import BLOCK, spatial_order
 from grasptransfer.registration.clouds import check_cloud, check_points
-from grasptransfer.registration.expectation import EStep
+from grasptransfer.registration.expectation import EStep, log_outlier_term
 from grasptransfer.registration.field import positive
 from grasptransfer.registration.fit_residuals import FitResiduals, Posed, PosePrior
 from grasptransfer.registration.shape_space import ShapeSpace
@@ -105,7 +105,7 @@ def latent_fit(
             ones fit better.
         initial_pose: (4, 4) first guess of `told_from_refined`; the identity by default.
         refine_pose: fit the pose, too.
-        pose_prior: how wrong the told pose may be.
+        pose_prior: how wrong the told pose may be; `PosePrior.of_scale` by default.
         viewpoint: (3,) where the cloud was seen from, told object frame [m]; then hidden model points are
             not matched, and visible ones are drawn to the cloud. None where it was seen from all sides.
         robust_scale: residuals beyond this many standard deviations count less.
@@ -117,6 +117,7 @@ def latent_fit(
     Raises:
         PointCloudError: a cloud that is not (m, 3), not finite or without extent.
         PoseError: an initial pose that is not rigid.
+        SettingsError: `robust_scale` not positive, or `sliding` not within 0 and 1.
         NotSucceeded: `strict`, and the status is not CONVERGED.
     """
     observed = check_cloud(points_object, "points_object")
@@ -124,6 +125,8 @@ def latent_fit(
         space.control_points if model_points is None else model_points, "model_points", fewest=4
     )
     robust_scale = positive(robust_scale, "robust_scale")
+    if not 0 <= sliding <= 1:
+        raise SettingsError("must be between 0 and 1", key="sliding", value=sliding)
     start = np.eye(4) if initial_pose is None else check_rigid(initial_pose, "initial_pose")
     if viewpoint is not None:
         viewpoint = check_points(np.reshape(viewpoint, (1, -1)), "viewpoint")[0]
@@ -162,9 +165,7 @@ def _match_softly(
             for _ in range(STAGE_ITERATIONS):
                 moved = posed.points(state)[chosen]
                 sigma = variance / space.scale**2
-                outlier = 1.5 * np.log(2 * np.pi * sigma) + np.log(
-                    OUTLIER_WEIGHT / (1 - OUTLIER_WEIGHT) * len(moved) / len(target)
-                )
+                outlier = log_outlier_term(OUTLIER_WEIGHT, sigma, source=len(moved), target=len(target))
                 found = expect(normaliser(moved), sigma, log_outlier=outlier)
                 means = normaliser.undo(found.moment / np.maximum(found.support, 1e-9)[:, None])
                 weights = found.support / variance

@@ -30,7 +30,12 @@ class LatentPosterior:
         displacements: Float[np.ndarray, "m 3"],
         noise_std: Float[np.ndarray, "m"] | float,
     ) -> "LatentPosterior":
-        """The posterior of x ~ N(0, I), given displacements = mean + basis x + noise [m].
+        """The posterior of x ~ N(0, I), given displacements = mean + basis x + noise.
+
+        Args:
+            mean, basis: (m, 3) and (m, 3, k), as of `ShapeSpace.displacement_model` [m].
+            displacements: (m, 3) what was seen [m].
+            noise_std: standard deviation of its errors, per coordinate; one for all or (m,) [m].
 
         Raises:
             SettingsError: a noise that is not finite and above 0.
@@ -47,7 +52,7 @@ class LatentPosterior:
         return cls(latent, (covariance + covariance.T) / 2, rms)
 
     def sample(self, rng: np.random.Generator, count: int) -> Float[np.ndarray, "s k"]:
-        """Plausible latents, to see how unsure the hidden side is."""
+        """`count` plausible latents, to see how unsure the hidden side is."""
         return rng.multivariate_normal(self.mean, self.covariance, size=count)
 
 

@@ -39,7 +39,14 @@ class ClosedForm:
 
 @dataclass(frozen=True, eq=False)
 class ExpectationMaximisation:
-    """Result of `fit_em`: the model itself."""
+    """Result of `fit_em`: the model itself.
+
+    Args:
+        mean: (d,) of the data.
+        loading: (k, d) modes, one standard deviation long, longest first.
+        variances: (k,) of the data along each mode.
+        noise_variance: of what the modes leave out, of each entry.
+    """
 
     mean: Float[np.ndarray, "d"]
     loading: Float[np.ndarray, "k d"]
@@ -65,7 +72,12 @@ def count_modes(features: Float[np.ndarray, "i d"], n_modes: int | None) -> int:
 
 
 def fit_closed(features: Float[np.ndarray, "i d"], n_modes: int) -> ClosedForm:
-    """Maximum likelihood in closed form, by the Gram matrix of the few training vectors."""
+    """Maximum likelihood in closed form, by the Gram matrix of the few training vectors.
+
+    Args:
+        features: (i, d) training vectors.
+        n_modes: k, as of `count_modes`.
+    """
     count, size = features.shape
     centred = features - features.mean(0)
     variances, vectors = np.linalg.eigh(centred @ centred.T / count)
@@ -86,7 +98,14 @@ def fit_em(
     observed: Bool[np.ndarray, "i d"] | None = None,
     seed: int = 0,
 ) -> ExpectationMaximisation:
-    """Maximum likelihood by EM; entries where `observed` is False are never looked at."""
+    """Maximum likelihood by EM.
+
+    Args:
+        features: (i, d) training vectors.
+        n_modes: k, as of `count_modes`.
+        observed: (i, d) entries to believe; the others are never looked at. None: all.
+        seed: of the first guess.
+    """
     size = features.shape[1]
     seen = np.ones_like(features) if observed is None else observed.astype(float)
     features = np.where(seen > 0, features, 0.0)

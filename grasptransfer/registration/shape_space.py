@@ -7,10 +7,6 @@
 | w mean | `mean` (n, 3) | normalised |
 | delta = D G (Lambda x + w) | `displacement_model(points)` | m |
 
-Two fields may look alike and still differ in W, along directions that G hardly shows. So PCA
-measures them by what they do: in G W (displacement of the control points, the default), in W's norm
-under G (how much the field bends), or in W as the paper does.
-
 Source: Rodriguez, Huber, Behnke 2020, section III-B (PCA-EM) and eq. 13 (least squares for x); the
 posterior is that of probabilistic PCA (Tipping and Bishop 1999).
 """
@@ -19,7 +15,7 @@ import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -27,14 +23,13 @@ from jaxtyping import Bool, Float
 from grasptransfer.errors import PointCloudError, SettingsError
 from grasptransfer.registration.clouds import Normaliser, check_points
 from grasptransfer.registration.field import DeformationField, positive
-from grasptransfer.registration.kernels import LowRankKernel, compress, gaussian_times, pivoted_cholesky
+from grasptransfer.registration.field_metric import METRICS, FieldMetric, Metric
+from grasptransfer.registration.kernels import compress, gaussian_times
 from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
 from grasptransfer.registration.ppca import count_modes, fit_closed, fit_em
 from grasptransfer.registration.storage import load_arrays, save_arrays
 
 KIND = "shape space"
-Metric = Literal["GW", "G", "W"]
-METRICS = get_args(Metric)
 METHODS = ("closed", "em")
 
 
@@ -102,6 +97,8 @@ class ShapeSpace:
 
         Args:
             weights: (i, n, 3) of each instance's field, normalised units.
+            control_points: (n, 3) that all of them share, canonical [m].
+            beta, centre, scale: kernel width and normaliser that all of them share.
             n_modes: k; at most i - 1. None takes the fewest that hold 99 % of the variance.
             metric: what the modes should explain: displacements "GW", bending "G", weights "W".
             method: closed form, or EM as in the paper.
@@ -119,30 +116,21 @@ class ShapeSpace:
             raise SettingsError("is unknown", key="method", value=method, choices=METHODS)
         if observed is not None and (method != "em" or metric == "G"):
             raise SettingsError('needs method "em" and metric "GW" or "W"', key="observed")
-        features = np.stack([empty._features(one).ravel() for one in weights])
+        features = np.stack([empty._measure.features(one).ravel() for one in weights])
         n_modes = count_modes(features, n_modes)
         if method == "closed":
-            closed = fit_closed(features, n_modes)
+            found = fit_closed(features, n_modes)
             mean = weights.mean(0)
-            basis = np.einsum("ki,inc->knc", closed.combinations, weights - mean)
-            return dataclasses.replace(
-                empty,
-                mean=mean,
-                basis=basis,
-                variances=closed.variances,
-                noise_variance=closed.noise_variance,
-            )
-        seen = None if observed is None else np.repeat(observed, 3, axis=1)
-        em = fit_em(features, n_modes, observed=seen, seed=seed)
-        # Features with gaps need not be those of any smooth field.
-        rough = 0.0 if observed is None else em.noise_variance
-        return dataclasses.replace(
-            empty,
-            mean=empty._weights_of(em.mean, rough),
-            basis=np.stack([empty._weights_of(mode, rough) for mode in em.loading]),
-            variances=em.variances,
-            noise_variance=em.noise_variance,
-        )
+            basis = np.einsum("ki,inc->knc", found.combinations, weights - mean)
+        else:
+            seen = None if observed is None else np.repeat(observed, 3, axis=1)
+            found = fit_em(features, n_modes, observed=seen, seed=seed)
+            # Features with gaps need not be those of any smooth field.
+            rough = 0.0 if observed is None else found.noise_variance
+            mean = empty._measure.weights_of(found.mean, rough)
+            basis = np.stack([empty._measure.weights_of(mode, rough) for mode in found.loading])
+        learnt = {"variances": found.variances, "noise_variance": found.noise_variance}
+        return dataclasses.replace(empty, mean=mean, basis=basis, **learnt)
 
     @property
     def n_modes(self) -> int:
@@ -155,17 +143,29 @@ class ShapeSpace:
         return Normaliser(self.centre, self.scale)
 
     def field(self, latent: Float[np.ndarray, "k"] | None = None) -> DeformationField:
-        """The field of a latent; of the mean shape without one."""
+        """The field of a latent [standard deviations]; of the mean shape without one.
+
+        Raises:
+            SettingsError: not k finite numbers.
+        """
         weights = self.mean if latent is None else self.decode(latent)
         return DeformationField(self.control_points, weights, self.beta, self.centre, self.scale)
 
     def decode(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "n 3"]:
-        """Weights of a latent."""
+        """Weights W [normalised] of a latent.
+
+        Raises:
+            SettingsError: not k finite numbers.
+        """
         return self.mean + np.tensordot(self._check_latent(latent), self.basis, axes=1)
 
     def encode(self, weights: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k"]:
-        """The most likely latent of a field's weights, under the space's own noise."""
-        features = self._features(check_points(weights, "weights") - self.mean).ravel()
+        """The most likely latent of a field's weights [normalised], under the space's own noise.
+
+        Raises:
+            PointCloudError: weights that are not (n, 3) or not finite.
+        """
+        features = self._measure.features(check_points(weights, "weights") - self.mean).ravel()
         precision = self._basis_features @ self._basis_features.T
         # A space without noise still needs a solvable system: rounding only.
         damping = max(self.noise_variance, 1e-14 * np.trace(precision) / max(self.n_modes, 1), 1e-300)
@@ -174,7 +174,11 @@ class ShapeSpace:
     def interpolate(
         self, latent_a: Float[np.ndarray, "k"], latent_b: Float[np.ndarray, "k"], share: float
     ) -> DeformationField:
-        """The field between two shapes: `share` 0 is a, 1 is b."""
+        """The field between two shapes, or beyond them: `share` 0 is a, 1 is b.
+
+        Raises:
+            SettingsError: a latent that is not k finite numbers.
+        """
         a, b = self._check_latent(latent_a), self._check_latent(latent_b)
         return self.field(a + share * (b - a))
 
@@ -185,7 +189,18 @@ class ShapeSpace:
     def displacement_model(
         self, points: Float[np.ndarray, "m 3"]
     ) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray, "m 3 k"]]:
-        """Mean and basis of the displacement at canonical points [m]: v = mean + basis @ latent."""
+        """The displacement at canonical points as a linear function of the latent.
+
+        Args:
+            points: (m, 3) canonical frame [m].
+
+        Returns:
+            mean: (m, 3) [m].
+            basis: (m, 3, k) [m per standard deviation]: v = mean + basis @ latent.
+
+        Raises:
+            PointCloudError: points that are not (m, 3) or not finite.
+        """
         points = check_points(points, "points")
         centres, columns = self._carriers
         moved = gaussian_times(self.normaliser(points), centres, self.beta, columns)
@@ -221,7 +236,7 @@ class ShapeSpace:
         return LatentPosterior.of(mean, basis, displacements, noise_std)
 
     def score(self, weights: Float[np.ndarray, "n 3"]) -> SpaceScore:
-        """How well a field's weights belong to the category; large values are strangers."""
+        """How well a field's weights [normalised] belong to the category; large values are strangers."""
         latent = self.encode(weights)
         left = DeformationField(
             self.control_points, weights - self.decode(latent), self.beta, self.centre, self.scale
@@ -253,31 +268,15 @@ class ShapeSpace:
         )
 
     @cached_property
-    def _low_rank(self) -> LowRankKernel:
-        return pivoted_cholesky(self.normaliser(self.control_points), self.beta, tolerance=1e-10)
+    def _measure(self) -> FieldMetric:
+        return FieldMetric(self.metric, self.normaliser(self.control_points), self.beta)
 
     @cached_property
     def _basis_features(self) -> Float[np.ndarray, "k d"]:
-        size = self._features(self.mean).size
-        return np.array([self._features(mode).ravel() for mode in self.basis]).reshape(self.n_modes, size)
-
-    def _features(self, weights: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "d 3"]:
-        """Weights as the metric sees them."""
-        if self.metric == "W":
-            return weights
-        coefficients = self._low_rank.factor.T @ weights
-        return coefficients if self.metric == "G" else self._low_rank.factor @ coefficients
-
-    def _weights_of(self, features: Float[np.ndarray, "d"], noise: float) -> Float[np.ndarray, "n 3"]:
-        """The shortest weights that the metric sees as these features, but for their noise."""
-        features = features.reshape(-1, 3)
-        if self.metric == "W":
-            return features
-        if self.metric == "GW":  # ridge: only very large weights could follow noise through G
-            factor = self._low_rank.factor
-            normal = factor.T @ factor + max(noise, 1e-14) * np.eye(factor.shape[1])
-            features = np.linalg.solve(normal, factor.T @ features)
-        return self._low_rank.shortest_weights(features)
+        size = self._measure.features(self.mean).size
+        return np.array([self._measure.features(mode).ravel() for mode in self.basis]).reshape(
+            self.n_modes, size
+        )
 
     def _check_latent(self, latent) -> Float[np.ndarray, "k"]:
         latent = np.asarray(latent, dtype=float)
