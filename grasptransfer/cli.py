@@ -3,7 +3,9 @@
 Exit codes: 0 done; 1 ran, and found no usable grasp or missed a bar; 2 wrong input.
 """
 
+import functools
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -70,9 +72,12 @@ def train(
     from grasptransfer.perception.training import TrainingConfig
 
     counts = {"samples": samples, "steps": steps, "batch": batch, "echo": echo, "workers": workers}
-    _check_training(network, loss, counts)
-    check_device(device)
     names = tuple(load_category(name).name for name in categories or list_categories())
+    output = output or default_output(names)
+    _check_choices(names, network, loss)
+    _check_numbers(counts, learning_rate)
+    _check_places(run, output)
+    check_device(device)
     config = TrainingConfig(
         names,
         network,
@@ -84,7 +89,7 @@ def train(
         learning_rate=learning_rate,
         seed=seed,
     )
-    _train_with_progress(config, output or default_output(names), run, device, workers)
+    _train_with_progress(config, output, run, device, workers)
     return 0
 
 
@@ -122,17 +127,32 @@ def _train_with_progress(
     console.print(f"Weights: {output}\nModel card: {card}\n{scores}", soft_wrap=True)
 
 
-def _check_training(network: str, loss: str, counts: dict[str, int]) -> None:
-    """Refuse what would fail only after an hour of rendering."""
+def _check_choices(categories: tuple[str, ...], network: str, loss: str) -> None:
+    """Refuse, as the two checks below do, what would fail only after an hour of rendering."""
     from grasptransfer.perception.losses import LOSSES
     from grasptransfer.perception.networks import network_names
 
+    if len(set(categories)) < len(categories):
+        raise SettingsError("names one category twice", key="categories", value=categories)
     for key, value, choices in (("network", network, network_names()), ("loss", loss, LOSSES)):
         if value not in choices:
             raise SettingsError(f"unknown {key}", key=key, value=value, choices=choices)
+
+
+def _check_numbers(counts: dict[str, int], learning_rate: float) -> None:
     for key, value in counts.items():
         if value < 1:
             raise SettingsError("must be at least 1", key=key, value=value)
+    if not 0 < learning_rate < math.inf:
+        raise SettingsError("must be above 0", key="learning_rate", value=learning_rate)
+
+
+def _check_places(run: Path, output: Path) -> None:
+    from grasptransfer.report.result_files import check_folder
+
+    check_folder(run, "run")
+    if output.suffix != ".safetensors" or output.is_dir():
+        raise SettingsError("must be a .safetensors file", key="output", value=str(output))
 
 
 def _training_line(state: "Progress") -> str:
@@ -183,6 +203,7 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments and arguments[0] in GROUPS:
         commands, program = GROUPS[arguments[0]], f"grasptransfer {arguments[0]}"
         arguments = arguments[1:]
+    commands = {name: _checked(command) for name, command in commands.items()}
     try:
         code = tyro.extras.subcommand_cli_from_dict(commands, prog=program, args=arguments)
     except GraspTransferError as error:
@@ -191,6 +212,18 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         sys.exit(130)  # as a shell reports it; finished parts of long commands are on disk
     sys.exit(code)
+
+
+def _checked(command: Callable[..., int]) -> Callable[..., int]:
+    """The command, refusing a seed that no random generator takes."""
+
+    @functools.wraps(command)
+    def checked(*positional, **options) -> int:
+        if options.get("seed", 0) < 0:
+            raise SettingsError("must be 0 or more", key="seed", value=options["seed"])
+        return command(*positional, **options)
+
+    return checked
 
 
 def _group(name: str) -> Callable[[], int]:

@@ -43,6 +43,10 @@ def test_every_command_explains_itself(command, capsys):
         (["train", "mug", "--loss", "none"], "likelihood"),
         (["train", "mug", "--device", "tpu"], "auto, cpu"),
         (["train", "mug", "--steps", "0"], "steps"),
+        (["train", "mug", "mug"], "twice"),
+        (["train", "mug", "--learning-rate", "nan"], "learning_rate"),
+        (["train", "mug", "--output", "mug.pt"], ".safetensors"),
+        (["bench", "cpd", "--json", "x.json", "--seed", "-1"], "seed"),
         (["annotate", "teapot"], "mug"),
         (["annotate", "mug", "--gripper", "claw"], "panda"),
         (["annotate", "mug", "--port", "99999"], "65535"),
@@ -87,6 +91,7 @@ def files(tmp_path_factory):
     (folder / "text.png").write_text("hello")
     (folder / "bad.yaml").write_text("a: [1")
     (folder / "empty.obj").write_text("")
+    (folder / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (folder / "scene.yaml").write_text("obstacles: {box: {box: [1, 1, 1]}}")
     return folder
 
@@ -101,7 +106,10 @@ WRONG = {  # option of `transfer`: wrong value, what the message must hold
     "camera": [("none.yaml", "does not exist"), ("bad.yaml", "line 1"), ("picture.png", "not a text file")],
     "mask": [("empty_mask.png", "is empty"), ("small_mask.png", "(480, 640)"), ("none.png", "none.png")],
     "scene": [("scene.yaml", "camera_from_obstacle"), ("none.yaml", "none.yaml")],
-    "execute": [("none.obj", "none.obj"), ("empty.obj", "empty.obj")],
+    "execute": [("none.obj", "none.obj"), ("empty.obj", "empty.obj"), ("flat.obj", "flat.obj: is flat"),
+                ("pose.yaml", ".glb")],
+    "out": [("picture.png", "not a folder")],
+    "seed": [("-1", "0 or more")],
     "depth": [("picture.png", "16-bit")],
     "device": [("tpu", "auto, cpu")],
     "estimator": [("magic", "similarity"), ("cls", "depth")],

@@ -13,7 +13,13 @@ from grasptransfer.benchmark.estimators import EstimatorSet
 from grasptransfer.benchmark.instance_pool import measure_instances
 from grasptransfer.benchmark.registration import Judge
 from grasptransfer.benchmark.registration_summary import MethodScores
-from grasptransfer.benchmark.seen_instances import Sight, instance_names, load_instance, see_instance
+from grasptransfer.benchmark.seen_instances import (
+    Sight,
+    instance_names,
+    load_instance,
+    see_instance,
+    spread_views,
+)
 from grasptransfer.category import Category
 from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
@@ -58,6 +64,7 @@ def run_glass_benchmark(
     progress: Callable[[int, int], None] | None = None,
 ) -> dict:
     """E of `rgb`, and of the depth methods on true and on sensed depth, on the same views."""
+    spread_views(settings.views)  # refuses a wrong number before the first picture
     found = [
         (category, name)
         for category in settings.categories

@@ -35,9 +35,15 @@ def measure_instances(
         workers: processes; 1 measures in this one.
         ledger: JSON lines of finished rows, read first, appended to; rows of other settings do not count.
         progress: is told how many of how many are done.
+
+    Raises:
+        SettingsError: no instances, or no workers.
     """
     if workers < 1:
         raise SettingsError("must be at least 1", key="workers", value=workers)
+    if not found:
+        folder = getattr(settings, "meshes", None)
+        raise SettingsError("have no instance", path=folder, key="categories", value=settings.categories)
     key = _digest(measure, settings)
     rows = _read(ledger, key)
     waiting = [names for names in found if names not in rows]

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from grasptransfer.benchmark.document import document
-from grasptransfer.benchmark.seen_instances import Instance, instances, observe_instance
+from grasptransfer.benchmark.seen_instances import Instance, instances, observe_instance, spread_views
 from grasptransfer.category import Category, load_category
 from grasptransfer.perception.dataset import OF_NO_CATEGORY as RANDOM
 from grasptransfer.perception.estimate import EstimateStatus
@@ -37,6 +37,7 @@ def run_refusal_benchmark(
     settings: RefusalSettings, *, progress: Callable[[int, int], None] | None = None
 ) -> dict:
     """Scores of every estimator on every object; the pose is told, the box is the object's."""
+    spread_views(settings.views)  # refuses a wrong number before the first picture
     rows: list[dict] = []
     with Renderer() as renderer:
         for done, name in enumerate(settings.categories, 1):

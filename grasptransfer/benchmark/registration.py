@@ -23,7 +23,13 @@ from grasptransfer.benchmark.errors_of_shape import (
 from grasptransfer.benchmark.estimators import NAMES, OFFERED, EstimatorSet
 from grasptransfer.benchmark.instance_pool import measure_instances
 from grasptransfer.benchmark.registration_summary import MethodScores, summarise
-from grasptransfer.benchmark.seen_instances import Instance, instance_names, load_instance, observe_instance
+from grasptransfer.benchmark.seen_instances import (
+    Instance,
+    instance_names,
+    load_instance,
+    observe_instance,
+    spread_views,
+)
 from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.frames import invert, rotation_angle, transform_points
 from grasptransfer.perception.baselines import RigidEstimator
@@ -234,8 +240,7 @@ def _iou(predicted: np.ndarray | None, true: np.ndarray | None) -> float:
 
 
 def _check(settings: RegistrationSettings):
-    if not 1 <= settings.views <= 74:
-        raise SettingsError("must lie between 1 and 74", key="views", value=settings.views)
+    spread_views(settings.views)  # refuses a wrong number before the first picture
     if settings.meshes is not None and not settings.meshes.is_dir():
         raise SettingsError("is not a folder", path=settings.meshes)
     if not settings.categories:

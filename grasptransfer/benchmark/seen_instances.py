@@ -92,7 +92,11 @@ def _from_folder(category: Category, folder: Path) -> Instance:
 
 
 def spread_views(views: int) -> Int[np.ndarray, "views"]:
-    """Indices of viewpoints that stand for all 74: every side and height, the poles as rarely as they are."""
+    """Indices of viewpoints that stand for all 74: every side and height, the poles as rarely as they are.
+
+    Raises:
+        SettingsError: not 1 to 74 of them.
+    """
     if not 1 <= views <= 74:
         raise SettingsError("must lie between 1 and 74", key="views", value=views)
     # 29 has no divisor in common with 74, and a stride of 29 turns by 5/12 and climbs by 2.4 rings.

@@ -9,6 +9,7 @@ from grasptransfer.errors import CategoryError
 from grasptransfer.files import read_yaml
 from grasptransfer.perception.estimate import Estimator
 from grasptransfer.report.pose_file import load_pose
+from grasptransfer.report.result_files import check_folder
 from grasptransfer.report.transfer_files import Outcome, execute_best, write_outcome
 from grasptransfer.transfer import GraspTransfer
 
@@ -32,8 +33,9 @@ def run_demo(
         on_stage: told in one line what is done next.
 
     Raises:
-        GraspTransferError: something of the bundled files is missing.
+        GraspTransferError: `out` is a file, or something of the bundled files is missing.
     """
+    check_folder(Path(out), "out")
     on_stage("loading the mug category")
     category = load_category(CATEGORY)
     folder = category.folder / "demo"

@@ -11,6 +11,7 @@ from rich.table import Table
 from grasptransfer.errors import GraspFileError
 from grasptransfer.grasping import load_gripper, on_canonical
 from grasptransfer.grasping.formats import read_grasps
+from grasptransfer.report.result_files import check_folder
 from grasptransfer.report.transfer_files import FRAMES_PER_SECOND, load_mesh
 
 if TYPE_CHECKING:
@@ -47,8 +48,9 @@ def run_simulation(
     """
     from grasptransfer.simulation import simulate
 
-    hand = load_gripper(gripper)
-    solid = load_mesh(mesh)
+    if movies is not None:
+        check_folder(movies, "movies")
+    hand, solid = load_gripper(gripper), load_mesh(mesh)
     found = read_grasps(grasps, gripper=hand).grasps
     if not found:
         raise GraspFileError("holds no grasp", path=grasps)

@@ -72,6 +72,15 @@ def writing(path: Path) -> Iterator[None]:
         raise SettingsError("cannot be written", path=path, fix=str(error)) from error
 
 
+def check_folder(path: Path, key: str) -> None:
+    """
+    Raises:
+        SettingsError: `path` is a file, where the argument `key` is to be a folder, there or not yet.
+    """
+    if path.exists() and not path.is_dir():
+        raise SettingsError("is not a folder", path=path, key=key)
+
+
 def as_data(result: "TransferResult") -> dict:
     """Everything but the arrays of points, as plain numbers and names."""
     observation = result.observation

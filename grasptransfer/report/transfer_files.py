@@ -14,13 +14,14 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 from grasptransfer.camera import Camera
+from grasptransfer.category.sources import MESHES
 from grasptransfer.errors import ImageError, MeshError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
 from grasptransfer.perception.observation import read_image
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.pose_file import load_pose
-from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, save_result, writing
+from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, check_folder, save_result, writing
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.transfer import GraspTransfer
 
@@ -32,6 +33,7 @@ PROTOCOL = "lift-shake-v1"
 EXECUTED = 5  # usable grasps, the best of each label
 FRAMES_PER_SECOND = 10.0
 LARGEST_EXTENT = 3.0  # m; a mesh beyond it was given in millimetres
+FLAT = 1e-4  # m; what is thinner encloses nothing
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,7 @@ def run_transfer(
     Raises:
         GraspTransferError: wrong input; nothing is written then.
     """
+    check_folder(out, "out")
     pixels, told = read_image(image), load_pose(pose)
     seen = {
         "camera": None if camera is None else Camera.load(camera),
@@ -217,18 +220,23 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     """A mesh file as one mesh, metres.
 
     Raises:
-        MeshError: missing, unreadable, empty or in millimetres.
+        MeshError: missing, unreadable, empty, flat or in millimetres.
     """
     if not Path(path).is_file():
-        raise MeshError("does not exist", path=path)
+        raise MeshError("is a folder" if Path(path).is_dir() else "does not exist", path=path)
     try:
         mesh = trimesh.load_scene(path, process=False).to_geometry()
+    except NotImplementedError as error:
+        suffix = Path(path).suffix
+        raise MeshError("has a suffix that names no mesh", path=path, value=suffix, choices=MESHES) from error
     except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
         raise MeshError(f"cannot be read: {error}", path=path) from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise MeshError("has no triangles", path=path)
     if not np.isfinite(mesh.vertices).all():
         raise MeshError("has vertices that are NaN or infinite", path=path)
+    if mesh.extents.min() < FLAT:
+        raise MeshError("is flat: it encloses nothing", path=path, value=mesh.extents.tolist())
     if mesh.extents.max() > LARGEST_EXTENT:
         size = float(np.max(mesh.extents))
         raise MeshError("is not in metres", path=path, value=f"{size:g} long", fix="Scale it to metres")

@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from grasptransfer.errors import SettingsError
 from grasptransfer.report.progress import progress_bar
 
 console = Console()
@@ -17,10 +18,15 @@ def run(benchmark: Callable[..., dict], json: Path) -> int:
     Args:
         benchmark: takes `progress`, which is told how many of how many are done, and gives the document.
         json: file for the document.
+
+    Raises:
+        GraspTransferError: wrong input, named by argument, value and choices.
     """
     from grasptransfer.benchmark.document import write_document
     from grasptransfer.benchmark.tables import rows_table
 
+    if json.is_dir():
+        raise SettingsError("is a folder", path=json, key="json", fix="Give a file")
     with progress_bar(console) as progress:
         task = progress.add_task("instances", total=None)
         result = benchmark(progress=lambda done, total: progress.update(task, completed=done, total=total))
