@@ -118,6 +118,13 @@ def test_options_out_of_range_are_named(folder, tmp_path, options):
     assert caught.value.key in options
 
 
+@pytest.mark.parametrize("name", ["", "a vase", "../vase"])
+def test_a_name_that_is_no_folder_name_is_refused_before_any_work(folder, tmp_path, name):
+    with pytest.raises(CategoryError, match="letters, digits"):
+        build_category(name, meshes=folder, out=tmp_path / "v")
+    assert not list(tmp_path.iterdir())
+
+
 def test_train_and_test_folders_are_the_split(tmp_path):
     for name in ("train/a.obj", "test/b.obj"):
         (tmp_path / name).parent.mkdir()

@@ -9,7 +9,14 @@ from vases import cloud
 
 from grasptransfer.category.build import build_category
 from grasptransfer.category.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial, ranked
-from grasptransfer.category.learning import SMOOTH, fit_space, fitted_error, leave_out, loosened
+from grasptransfer.category.learning import (
+    SMOOTH,
+    InstanceFields,
+    fit_space,
+    fitted_error,
+    leave_out,
+    loosened,
+)
 from grasptransfer.category.outcome import Candidate, Trial
 from grasptransfer.registration import DeformationField
 from grasptransfer.report.category_page import category_page
@@ -23,34 +30,32 @@ def points():
 
 
 @pytest.fixture(scope="module")
-def weights():
-    """Of twelve fields that two modes span, but for a little noise."""
+def fields(points):
+    """Of twelve instances, which two modes span, but for a little noise."""
     rng = np.random.default_rng(1)
     modes = rng.normal(scale=0.05, size=(2, 50, 3))
-    return np.einsum("ik,knc->inc", rng.normal(size=(12, 2)), modes) + 1e-5 * rng.normal(size=(12, 50, 3))
+    weights = np.einsum("ik,knc->inc", rng.normal(size=(12, 2)), modes) + 1e-5 * rng.normal(size=(12, 50, 3))
+    still = DeformationField.identity(points, beta=1.0)
+    return InstanceFields(weights, still.control_points, still.beta, still.centre, still.scale)
 
 
-def test_a_left_out_instance_shows_the_true_number_of_modes(points, weights):
-    field = DeformationField.identity(points, beta=1.0)
+def test_a_left_out_instance_shows_the_true_number_of_modes(fields):
     one, two, three = (
-        [
-            leave_out(index, weights, field, n_modes=modes, flexibility=0.0, metric="GW").rms
-            for index in range(12)
-        ]
+        [leave_out(fields, index, n_modes=modes, flexibility=0.0, metric="GW").rms for index in range(12)]
         for modes in (1, 2, 3)
     )
     assert np.mean(two) < 0.01 * np.mean(one)
     assert np.mean(three) > 0.5 * np.mean(two)
 
 
-def test_a_space_fitted_to_the_points_of_its_own_shape_leaves_little(points, weights):
-    space = fit_space(weights, DeformationField.identity(points, beta=1.0), n_modes=2, metric="GW")
+def test_a_space_fitted_to_the_points_of_its_own_shape_leaves_little(points, fields):
+    space = fit_space(fields, n_modes=2, metric="GW")
     shape = space.field(np.array([1.0, -0.5]))(points)
     assert fitted_error(space, shape) < 1e-3 * np.square(shape - points).sum(1).mean()
 
 
-def test_smooth_modes_move_every_axis_by_the_flexibility(points, weights):
-    space = fit_space(weights, DeformationField.identity(points, beta=1.0), n_modes=2, metric="GW")
+def test_smooth_modes_move_every_axis_by_the_flexibility(points, fields):
+    space = fit_space(fields, n_modes=2, metric="GW")
     loose = loosened(space, 0.05)
     assert loose.n_modes == 2 + 3 * SMOOTH
     assert np.array_equal(loose.basis[:2], space.basis)

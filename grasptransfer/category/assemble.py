@@ -44,8 +44,15 @@ def write_category(
     """Write a category folder beside its place, then move it there; what else an older one held is kept.
 
     Args:
+        folder: to write.
+        name: of the category.
+        description: for people.
+        split: names of the instances, train and test.
+        settings: how the shape space was made.
+        measured: figures of the build, by name with their unit.
         canonical_glb, instance_glbs: glTF 2.0 binaries in the category's frame, instances by name.
-        weights: of each instance's field, normalised units, by name.
+        shape_space: of the train instances.
+        weights: (n, 3) of each instance's field, normalised units, by name.
     """
     folder = Path(folder)
     staging, replaced = folder.with_name(f".{folder.name}.part"), folder.with_name(f".{folder.name}.old")

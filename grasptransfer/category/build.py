@@ -5,6 +5,7 @@ settings by leaving instances out, and learn the shape space. Test instances are
 against, and teach nothing.
 """
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,7 +18,7 @@ from grasptransfer.category.choices import Options
 from grasptransfer.category.learning import FEWEST
 from grasptransfer.category.learnt import LearntCategory, learn_category
 from grasptransfer.category.outcome import CategoryBuild
-from grasptransfer.category.settings import Settings, Split
+from grasptransfer.category.settings import NAME, Settings, Split
 from grasptransfer.category.sources import Source, find_sources, frame_rotation
 from grasptransfer.category.tasks import prepare_instance
 from grasptransfer.category.workshop import Arrays, Progress, Workshop
@@ -79,11 +80,11 @@ def build_category(
         SettingsError: an option out of range.
     """
     start = time.perf_counter()
+    _check_options(name, scale, workers)
     out = Path(out) if out is not None else Path(name)
     kept = out.with_name(f".{out.name}.build")
     if out.exists() and not overwrite and not kept.exists():
         raise CategoryError("exists already", path=out, fix="Give another folder, or --overwrite")
-    _check_options(scale, workers)
     options = Options(beta, lam, outlier_weight, modes, flexibility, metric, control_points)
     sources = _sources(Path(meshes), canonical, tuple(test))
     split = {source.name: source.test for source in sources}
@@ -107,7 +108,9 @@ def build_category(
     return built
 
 
-def _check_options(scale: float, workers: int) -> None:
+def _check_options(name: str, scale: float, workers: int) -> None:
+    if not re.match(NAME, name):
+        raise CategoryError("must be letters, digits, _ and -", key="name", value=name)
     if not (np.isfinite(scale) and scale > 0):
         raise SettingsError("must be above 0", key="scale", value=scale)
     if workers < 1:

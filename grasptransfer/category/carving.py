@@ -24,7 +24,7 @@ def carved_surface(points: Float[np.ndarray, "m 3"]) -> tuple[trimesh.Trimesh, f
     """The tightest closed surface around a cloud that a ball cannot enter.
 
     Args:
-        points: [m].
+        points: (m, 3) [m].
 
     Returns:
         mesh: wound outwards [m].

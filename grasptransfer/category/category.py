@@ -131,7 +131,7 @@ class Category:
         )
 
     def training_field(self, index: int) -> "DeformationField":
-        """The field from the canonical model to train instance number `index`."""
+        """The field from the canonical model to train instance number `index`, in the order of `train`."""
         return self.field(self.train[index])
 
     @property

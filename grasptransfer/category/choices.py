@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.category.learning import InstanceFields
 from grasptransfer.category.outcome import Candidate, Trial
 from grasptransfer.category.tasks import (
     COMPARED_POINTS,
@@ -58,7 +58,6 @@ class Options:
             value = getattr(self, key)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise SettingsError("must be above 0", key=key, value=value)
-
         if self.flexibility is not None and not 0 <= self.flexibility <= 1:
             raise SettingsError("must be between 0 and 1", key="flexibility", value=self.flexibility)
 
@@ -78,9 +77,26 @@ class Options:
         return [(beta, lam) for beta in betas for lam in (LAMBDAS if self.lam is None else (self.lam,))]
 
 
+@dataclass(frozen=True, eq=False)
+class Canonical:
+    """The instance that is the canonical model, as points.
+
+    Args:
+        name: of the instance.
+        control_points: (n, 3) that carry every field [m].
+        voxel: edge of the filter that left them [m].
+        points: (p, 3) dense ones, to measure by [m].
+    """
+
+    name: str
+    control_points: Float[np.ndarray, "n 3"]
+    voxel: float
+    points: Float[np.ndarray, "p 3"]
+
+
 @dataclass(frozen=True)
 class Chosen:
-    """What `Options` leaves open, given or chosen."""
+    """What `Options` leaves open, given or chosen; attributes as there."""
 
     beta: float
     lam: float
@@ -89,17 +105,22 @@ class Chosen:
 
 
 def choose_canonical(workshop: Workshop, train: dict[str, Arrays], options: Options) -> tuple[Candidate, ...]:
-    """Every train instance registered to every other, best first."""
+    """Every train instance registered to every other, best first.
+
+    Args:
+        train: instances by name, as of `tasks.prepare_instance`.
+        options: beta and lambda of the registrations.
+    """
     small = {name: thinned(arrays["points"], COMPARED_POINTS) for name, arrays in train.items()}
-    given = {}
-    for name in train:
-        others = [small[other] for other in train if other != name]
-        given[name] = {
+    given = {
+        name: {
             "candidate": small[name],
-            "others": np.concatenate(others),
-            "starts": starts_of(others),
+            "others": tuple(small[other] for other in train if other != name),
+            "beta": options.first_beta,
+            "lam": options.first_lam,
         }
-        given[name] |= {"beta": options.first_beta, "lam": options.first_lam}
+        for name in train
+    }
     compared = workshop.map("choose canonical", compare_candidate, given)
     candidates = [
         Candidate(
@@ -129,26 +150,33 @@ def ranked(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
 def register(
     workshop: Workshop,
     instances: dict[str, Arrays],
-    canonical: str,
-    control: Float[np.ndarray, "n 3"],
-    model: Float[np.ndarray, "p 3"],
+    canonical: Canonical,
     *,
     kernels: list[tuple[float, float]],
     outlier_weight: float,
 ) -> dict[tuple[str, float, float], Arrays]:
-    """CPD from the canonical model to every instance, with several beta and lambda."""
+    """CPD from the canonical model to every instance, with several beta and lambda.
+
+    Args:
+        instances: by name, as of `tasks.prepare_instance`.
+        kernels: every beta with its lambda.
+        outlier_weight: of CPD, in [0, 1).
+
+    Returns:
+        What `tasks.register_instance` found, by name, beta and lambda.
+    """
     given, keys = {}, {}
     for beta, lam in kernels:
         for name, arrays in instances.items():
             keys[f"{name}-{beta:g}-{lam:g}"] = (name, beta, lam)
             given[f"{name}-{beta:g}-{lam:g}"] = {
-                "control_points": control,
-                "model": model,
+                "control_points": canonical.control_points,
+                "model": canonical.points,
                 "instance": arrays["points"],
                 "beta": beta,
                 "lam": lam,
                 "outlier_weight": outlier_weight,
-                "is_canonical": name == canonical,
+                "is_canonical": name == canonical.name,
             }
     found = workshop.map("register", register_instance, given)
     return {keys[text]: arrays for text, arrays in found.items()}
@@ -162,6 +190,12 @@ def choose_settings(
     options: Options,
 ) -> tuple[Chosen, tuple[Trial, ...]]:
     """Leave instances out in turn and fit the shape space of the others to their points, as one sees them.
+
+    Args:
+        train: instances by name, as of `tasks.prepare_instance`.
+        registered: as of `register`, with every kernel of `options`.
+        control: (n, 3) control points of the canonical model [m].
+        options: what is given; the rest is chosen.
 
     Returns:
         chosen: the settings.
@@ -199,16 +233,16 @@ class _Judged:
     ) -> tuple[Trial, ...]:
         names = list(self.train)
         left_out = np.unique(np.linspace(0, len(names) - 1, LEFT_OUT).round().astype(int))
-        clouds = [thinned(self.train[names[index]]["points"], FITTED_POINTS) for index in left_out]
+        clouds = tuple(thinned(self.train[names[index]]["points"], FITTED_POINTS) for index in left_out)
         given = {}
         for beta, lam in kernels:
             fields = fields_of(self.train, self.registered, self.control, beta, lam)
-            given[f"beta {beta:g}, lambda {lam:g}"] = fields | {
+            given[f"beta {beta:g}, lambda {lam:g}"] = {
+                "fields": fields,
                 "metric": self.metric,
                 "tried": tuple(tried),
                 "left_out": tuple(left_out.tolist()),
-                "clouds": np.concatenate(clouds),
-                "starts": starts_of(clouds),
+                "clouds": clouds,
             }
         judged = self.workshop.map("choose settings", judge, given)
         return tuple(
@@ -232,18 +266,8 @@ def fields_of(
     control: Float[np.ndarray, "n 3"],
     beta: float,
     lam: float,
-) -> dict[str, Any]:
-    """The registered fields of all train instances, as the tasks take them."""
+) -> InstanceFields:
+    """The registered fields of all train instances."""
     first = registered[next(iter(train)), beta, lam]
-    return {
-        "weights": np.stack([registered[name, beta, lam]["weights"] for name in train]),
-        "control_points": control,
-        "centre": first["centre"],
-        "scale": float(first["scale"]),
-        "beta": beta,
-    }
-
-
-def starts_of(clouds: Sequence[Float[np.ndarray, "_ 3"]]) -> np.ndarray:
-    """Where each of several clouds starts, once they lie one after the other; and the end."""
-    return np.cumsum([0, *(len(cloud) for cloud in clouds)])
+    weights = np.stack([registered[name, beta, lam]["weights"] for name in train])
+    return InstanceFields(weights, control, beta, first["centre"], float(first["scale"]))

@@ -19,8 +19,11 @@ def visible_surface(
 ) -> tuple[Float[np.ndarray, "m 3"], Int[np.ndarray, "m"]]:
     """Points where parallel rays from every vertex of a sphere around the mesh first meet it.
 
+    Args:
+        mesh: any frame, any unit.
+
     Returns:
-        points: (m, 3) metres, same frame as the mesh.
+        points: (m, 3) in the frame and unit of the mesh.
         faces: (m,) face of each point.
 
     Raises:
@@ -54,7 +57,7 @@ def voxel_filter(points: Float[np.ndarray, "m 3"], voxel: float) -> Int[np.ndarr
     """Indices of one point for each occupied voxel: the one nearest to the mean of the voxel's points.
 
     Args:
-        points: [m].
+        points: (m, 3) [m].
         voxel: edge of a voxel [m].
     """
     cells = np.floor((points - points.min(0)) / voxel).astype(np.int64)

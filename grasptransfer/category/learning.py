@@ -38,6 +38,36 @@ class Distances:
         return Distances(error, float(np.sqrt(error)), float((there.mean() + back.mean()) / 2))
 
 
+@dataclass(frozen=True, eq=False)
+class InstanceFields:
+    """The fields from one canonical model to several instances, which differ in their weights alone.
+
+    Args:
+        weights: (i, n, 3) of each instance's field, normalised units.
+        control_points: (n, 3) of the canonical model [m].
+        beta: kernel width, normalised units.
+        centre: (3,) of the normaliser [m].
+        scale: of the normaliser [m].
+    """
+
+    weights: Float[np.ndarray, "i n 3"]
+    control_points: Float[np.ndarray, "n 3"]
+    beta: float
+    centre: Float[np.ndarray, "3"]
+    scale: float
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    def field(self, index: int) -> DeformationField:
+        """The field to one instance."""
+        return DeformationField(self.control_points, self.weights[index], self.beta, self.centre, self.scale)
+
+    def without(self, index: int) -> "InstanceFields":
+        """Those to all instances but one."""
+        return dataclasses.replace(self, weights=np.delete(self.weights, index, axis=0))
+
+
 @dataclass(frozen=True)
 class LeftOut:
     """One instance explained by the shape space of all the others.
@@ -52,27 +82,18 @@ class LeftOut:
 
 
 def leave_out(
-    index: int,
-    weights: Float[np.ndarray, "i n 3"],
-    field: DeformationField,
-    *,
-    n_modes: int,
-    flexibility: float,
-    metric: Metric,
+    fields: InstanceFields, index: int, *, n_modes: int, flexibility: float, metric: Metric
 ) -> LeftOut:
     """Fit a shape space to all instances but one, and explain that one's field by it.
 
     Args:
         index: of the one.
-        weights: of each instance's field, normalised units.
-        field: any field with the control points, kernel and normaliser of them all.
         n_modes: learnt from the others.
         flexibility: see `loosened`.
     """
-    space = fit_space(np.delete(weights, index, axis=0), field, n_modes=n_modes, metric=metric)
-    space = loosened(space, flexibility)
-    own, found = dataclasses.replace(field, weights=weights[index]), space.field(space.encode(weights[index]))
-    points = field.control_points
+    space = loosened(fit_space(fields.without(index), n_modes=n_modes, metric=metric), flexibility)
+    own, found = fields.field(index), space.field(space.encode(fields.weights[index]))
+    points = fields.control_points
     return LeftOut(space, float(np.sqrt(np.square(own(points) - found(points)).sum(1).mean())))
 
 
@@ -95,23 +116,24 @@ def fitted_error(
     return Distances.between(found(model), observed if measured is None else measured).error
 
 
-def fit_space(
-    weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, n_modes: int | None, metric: Metric
-) -> ShapeSpace:
-    """The shape space of fields that share the control points, kernel and normaliser of `field`.
+def fit_space(fields: InstanceFields, *, n_modes: int | None, metric: Metric) -> ShapeSpace:
+    """The shape space of the instances.
+
+    Args:
+        n_modes: None takes the fewest that hold 99 % of the variance.
 
     Raises:
         SettingsError: more modes than the instances allow.
     """
-    most = len(weights) - 1
+    most = len(fields) - 1
     if n_modes is not None and n_modes > most:
-        raise SettingsError(f"{len(weights)} instances allow {most} at most", key="modes", value=n_modes)
+        raise SettingsError(f"{len(fields)} instances allow {most} at most", key="modes", value=n_modes)
     return ShapeSpace.fit(
-        weights,
-        field.control_points,
-        field.beta,
-        field.centre,
-        field.scale,
+        fields.weights,
+        fields.control_points,
+        fields.beta,
+        fields.centre,
+        fields.scale,
         n_modes=n_modes,
         metric=metric,
     )
@@ -143,9 +165,7 @@ def loosened(space: ShapeSpace, flexibility: float) -> ShapeSpace:
     )
 
 
-def explained_variance(
-    weights: Float[np.ndarray, "i n 3"], field: DeformationField, *, metric: Metric
-) -> Float[np.ndarray, "k"]:
+def explained_variance(fields: InstanceFields, *, metric: Metric) -> Float[np.ndarray, "k"]:
     """Share of the variance that the first modes hold together, for one mode and more."""
-    variances = fit_space(weights, field, n_modes=len(weights) - 1, metric=metric).variances
+    variances = fit_space(fields, n_modes=len(fields) - 1, metric=metric).variances
     return np.cumsum(variances) / max(float(variances.sum()), 1e-300)

@@ -1,26 +1,27 @@
 """What the prepared instances teach: canonical model, registrations, settings and shape space."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.category.choices import (
+    Canonical,
     Chosen,
     Options,
     choose_canonical,
     choose_settings,
     fields_of,
     register,
-    starts_of,
 )
 from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
-from grasptransfer.category.learning import Distances
+from grasptransfer.category.learning import Distances, InstanceFields
 from grasptransfer.category.orientation import agreed_turn
 from grasptransfer.category.outcome import Candidate, Registration, Trial
 from grasptransfer.category.tasks import COMPARED_POINTS, learn, mesh_of, thinned
 from grasptransfer.category.workshop import Arrays, Workshop
-from grasptransfer.registration import ShapeSpace
+from grasptransfer.registration import Metric, ShapeSpace
 
 
 @dataclass(frozen=True)
@@ -61,20 +62,22 @@ def learn_category(
         prepared: instances by name, as of `prepare_instance`.
         split: whether each is a test instance.
         canonical: name of the instance to take; None takes the best scored.
+        options: what is given, and how many control points.
     """
     train = {one: arrays for one, arrays in prepared.items() if not split[one]}
     candidates: tuple[Candidate, ...] = ()
     if canonical is None:
         candidates = choose_canonical(workshop, train, options)
         canonical = candidates[0].name
-    control, voxel = _control_points(prepared[canonical], options.control_points)
-    model = prepared[canonical]["points"]
+    model = _canonical(canonical, prepared[canonical], options.control_points)
     how = {"kernels": options.kernels(), "outlier_weight": options.outlier_weight}
-    registered = register(workshop, train, canonical, control, model, **how)
-    chosen, trials = choose_settings(workshop, train, registered, control, options)
+    registered = register(workshop, train, model, **how)
+    chosen, trials = choose_settings(workshop, train, registered, model.control_points, options)
     how["kernels"] = [(chosen.beta, chosen.lam)]
-    found = register(workshop, prepared, canonical, control, model, **how)
-    learnt, space = _learn(workshop, prepared, train, found, model, control, chosen, options.metric)
+    found = register(workshop, prepared, model, **how)
+    fields = fields_of(train, found, model.control_points, chosen.beta, chosen.lam)
+    clouds = {one: prepared[one]["points"] for one in sorted(prepared, key=split.__getitem__)}  # train first
+    learnt, space = _learn(workshop, fields, clouds, model=model, chosen=chosen, metric=options.metric)
     registered = {one: arrays for (one, _, _), arrays in found.items()}
     return LearntCategory(
         canonical=canonical,
@@ -84,35 +87,41 @@ def learn_category(
         explained=learnt["explained"],
         chosen=chosen,
         space=space,
-        voxel=voxel,
+        voxel=model.voxel,
         weights={one: arrays["weights"] for one, arrays in registered.items()},
     )
 
 
-def _control_points(model: Arrays, count: int) -> tuple[Float[np.ndarray, "n 3"], float]:
-    """Points of the canonical model, and the edge of the voxel filter that left them [m]."""
+def _canonical(name: str, model: Arrays, count: int) -> Canonical:
+    """The canonical model with about `count` control points."""
     points = model["points"] if model["is_cloud"] else visible_surface(mesh_of(model["glb"]))[0]
     voxel = voxel_for(points, min(count, len(points)))
-    return points[voxel_filter(points, voxel)], voxel
+    return Canonical(name, points[voxel_filter(points, voxel)], voxel, model["points"])
 
 
-def _learn(workshop, prepared: dict[str, Arrays], train, registered, model, control, chosen, metric):
-    """Final shape space, and what was measured with it."""
-    others = [name for name in prepared if name not in train]
-    clouds = [prepared[name]["points"] for name in (*train, *others)]
-    given = fields_of(train, registered, control, chosen.beta, chosen.lam) | {
+def _learn(
+    workshop: Workshop,
+    fields: InstanceFields,
+    clouds: dict[str, Float[np.ndarray, "_ 3"]],
+    *,
+    model: Canonical,
+    chosen: Chosen,
+    metric: Metric,
+) -> tuple[dict[str, Any], ShapeSpace]:
+    """Final shape space, and what was measured with it; clouds are of the train instances first."""
+    given = {
+        "fields": fields,
         "modes": chosen.modes,
         "flexibility": chosen.flexibility,
         "metric": metric,
-        "model": model,
-        "clouds": np.concatenate(clouds),
-        "starts": starts_of(clouds),
+        "model": model.points,
+        "clouds": tuple(clouds.values()),
     }
     learnt = workshop.map("learn", learn, {"shape_space": given})["shape_space"]
-    errors = dict(zip((*train, *others), learnt.pop("fitted_error"), strict=True))
-    normaliser = (given["centre"], given["scale"])
+    errors = dict(zip(clouds, learnt.pop("fitted_error"), strict=True))
+    normaliser = (fields.centre, fields.scale)
     found = (learnt["mean"], learnt["basis"], learnt["variances"], float(learnt["noise_variance"]))
-    space = ShapeSpace(control, chosen.beta, *normaliser, *found, metric)
+    space = ShapeSpace(fields.control_points, chosen.beta, *normaliser, *found, metric)
     return {**learnt, "fitted_error": errors}, space
 
 

@@ -42,7 +42,8 @@ def best_turn(canonical: Float[np.ndarray, "n 3"], instance: Float[np.ndarray, "
     """Try turns about z, upright and upside down.
 
     Args:
-        canonical, instance: points of their surfaces [m].
+        canonical: (n, 3) points of its surface [m].
+        instance: (m, 3) points of its surface [m].
     """
     still, scale = _normalised(canonical)
     moving, _ = _normalised(instance)
@@ -72,7 +73,8 @@ def agreed_turn(
     """The best turn, if it is suspicious against most other instances, too; else the one given.
 
     Args:
-        others: points of other instances' surfaces [m].
+        canonical, instance: as of `best_turn`.
+        others: (_, 3) points of other instances' surfaces [m].
     """
     turn = best_turn(canonical, instance)
     if turn.warning is None:

@@ -18,7 +18,8 @@ class Registration:
         name: of the instance.
         test: whether the shape space never saw it.
         is_cloud: whether it came as a cloud.
-        extents: of its bounding box [m].
+        faces: how many its mesh has.
+        extents: (3,) of its bounding box [m].
         notes: what was repaired or is worth knowing.
         turn: the turn that would bring it nearest to the canonical model.
         points: (m, 3) dense points of it [m].
@@ -54,6 +55,7 @@ class Candidate:
     """An instance that could be the canonical model, registered to all others.
 
     Args:
+        name: of the instance.
         chamfer: mean of what is left after registration, over the others [m].
         worst: the largest of them [m].
         moved: RMS displacement that it took, mean over the others [m].
@@ -90,8 +92,11 @@ class CategoryBuild:
     """A category that was built, and how it went.
 
     Args:
+        category: as it is on disk.
+        canonical: name of the instance that is the canonical model.
         candidates: best first; empty if the canonical model was given.
         trials: in the order they were made; empty if all settings were given.
+        registrations: one for each instance, train and test.
         explained: (k,) share of the variance that the first modes hold together.
         seconds: since the start, or the resumption.
     """

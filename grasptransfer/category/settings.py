@@ -11,6 +11,7 @@ from grasptransfer.errors import CategoryError
 from grasptransfer.files import write_whole
 
 FILE_NAME = "category.yaml"
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # of a category: also a folder, and part of file names
 
 
 class _Strict(BaseModel):
@@ -88,7 +89,7 @@ class CategoryFile(_Strict):
 
     format: Literal["grasptransfer_category"] = "grasptransfer_category"
     format_version: Literal[1] = 1
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
+    name: str = Field(pattern=NAME)
     description: str = ""
     frame: Frame = Frame()
     split: Split

@@ -54,6 +54,7 @@ def find_sources(folder: Path, test: tuple[str, ...] = ()) -> list[Source]:
     """Meshes and clouds of a folder: `NAME.obj` or `NAME/mesh.obj`, also below `train/`, `test/`.
 
     Args:
+        folder: of the user's.
         test: names of instances to keep out of the shape space, besides those below `test/`.
 
     Raises:
@@ -97,6 +98,9 @@ def _files(root: Path):
 def frame_rotation(front: str, up: str) -> Float[np.ndarray, "3 3"]:
     """Rotation that takes the sources' front and up axes to +x and +z.
 
+    Args:
+        front, up: one of `AXES` each, such as "+y".
+
     Raises:
         SettingsError: not two axes across each other.
     """
@@ -113,8 +117,9 @@ def prepare(path: Path, *, scale: float, rotation: Float[np.ndarray, "3 3"]) -> 
     """Read one file; check and repair it; scale, turn and centre it.
 
     Args:
+        path: of a mesh or cloud, ending in one of `ENDINGS`.
         scale: metres in one unit of the file.
-        rotation: from the file's axes to the category's.
+        rotation: (3, 3) from the file's axes to the category's.
 
     Raises:
         MeshError, PointCloudError: unreadable, empty, not finite, flat, or of an implausible size.

@@ -1,7 +1,6 @@
-"""The tasks of a build that run in worker processes: plain arrays in, plain arrays out."""
+"""The tasks of a build that run in worker processes: arrays and settings in, plain arrays out."""
 
 import io
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from grasptransfer.category.assemble import glb_of
 from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
 from grasptransfer.category.learning import (
     Distances,
+    InstanceFields,
     explained_variance,
     fit_space,
     fitted_error,
@@ -46,18 +46,19 @@ def prepare_instance(path: str, checksum: str, scale: float, rotation: np.ndarra
 
 
 def compare_candidate(
-    candidate: np.ndarray, others: np.ndarray, starts: np.ndarray, beta: float, lam: float
+    candidate: np.ndarray, others: tuple[np.ndarray, ...], beta: float, lam: float
 ) -> Arrays:
     """Register a candidate for the canonical model to all other instances.
 
     Args:
-        others: their points one after the other, each from `starts[i]` to `starts[i + 1]` [m].
+        candidate: (n, 3) its points [m].
+        others: (m, 3) points of each [m].
     """
     chamfer, bend = [], []
     source = PreparedSource(candidate, beta=beta)
-    for first, last in pairwise(starts):
-        field = cpd(source, others[first:last], lam=lam, threads=1).field
-        chamfer.append(Distances.between(field(candidate), others[first:last]).chamfer)
+    for other in others:
+        field = cpd(source, other, lam=lam, threads=1).field
+        chamfer.append(Distances.between(field(candidate), other).chamfer)
         moved = field.displacement(candidate)
         bend.append(np.sqrt(np.square(moved).sum(1).mean()))
     return {"chamfer": np.array(chamfer), "moved": np.array(bend)}
@@ -96,32 +97,25 @@ def register_instance(
 
 
 def judge(
-    weights: np.ndarray,
-    control_points: np.ndarray,
-    centre: np.ndarray,
-    scale: float,
-    beta: float,
+    fields: InstanceFields,
     metric: Metric,
     tried: tuple[tuple[int, float], ...],
     left_out: tuple[int, ...],
-    clouds: np.ndarray,
-    starts: np.ndarray,
+    clouds: tuple[np.ndarray, ...],
 ) -> Arrays:
     """What shape spaces of several sizes leave of instances they never saw.
 
     Args:
         tried: numbers of modes, each with a flexibility.
         left_out: numbers of the instances to leave out, one at a time.
-        clouds: their points, one after the other, each from `starts[i]` to `starts[i + 1]` [m].
+        clouds: (m, 3) points of each of them [m].
     """
-    field = DeformationField(control_points, weights[0], beta, centre, scale)
     errors = [
         [
             fitted_error(
-                leave_out(index, weights, field, n_modes=modes, flexibility=flexibility, metric=metric).space,
-                clouds[first:last],
+                leave_out(fields, index, n_modes=modes, flexibility=flexibility, metric=metric).space, cloud
             )
-            for index, (first, last) in zip(left_out, pairwise(starts), strict=True)
+            for index, cloud in zip(left_out, clouds, strict=True)
         ]
         for modes, flexibility in tried
     ]
@@ -129,42 +123,35 @@ def judge(
 
 
 def learn(
-    weights: np.ndarray,
-    control_points: np.ndarray,
-    centre: np.ndarray,
-    scale: float,
-    beta: float,
+    fields: InstanceFields,
     modes: int,
     flexibility: float,
     metric: Metric,
     model: np.ndarray,
-    clouds: np.ndarray,
-    starts: np.ndarray,
+    clouds: tuple[np.ndarray, ...],
 ) -> Arrays:
     """The shape space, and what it leaves of each instance that it did not see.
 
     Args:
+        fields: of the train instances.
         modes: learnt; smooth ones come beside them with a flexibility above 0.
         model: dense points of the canonical model [m].
-        clouds: dense points of the train instances, then of those the space never sees, one after the
-            other, each from `starts[i]` to `starts[i + 1]` [m].
+        clouds: (m, 3) dense points of each train instance, then of those the space never sees [m].
     """
-    field = DeformationField(control_points, weights[0], beta, centre, scale)
-    space = loosened(fit_space(weights, field, n_modes=modes, metric=metric), flexibility)
-    alike = {"n_modes": min(modes, len(weights) - 2), "flexibility": flexibility, "metric": metric}
-    without = [leave_out(index, weights, field, **alike) for index in range(len(weights))]
-    spaces = [one.space for one in without] + [space] * (len(starts) - 1 - len(weights))
-    unseen = [clouds[first:last] for first, last in pairwise(starts)]
+    space = loosened(fit_space(fields, n_modes=modes, metric=metric), flexibility)
+    alike = {"n_modes": min(modes, len(fields) - 2), "flexibility": flexibility, "metric": metric}
+    without = [leave_out(fields, index, **alike) for index in range(len(fields))]
+    spaces = [one.space for one in without] + [space] * (len(clouds) - len(fields))
     errors = [
         fitted_error(known, thinned(cloud, FITTED_POINTS), model=model, measured=cloud)
-        for known, cloud in zip(spaces, unseen, strict=True)
+        for known, cloud in zip(spaces, clouds, strict=True)
     ]
     return {
         "mean": space.mean,
         "basis": space.basis,
         "variances": space.variances,
         "noise_variance": np.array(space.noise_variance),
-        "explained": explained_variance(weights, field, metric=metric),
+        "explained": explained_variance(fields, metric=metric),
         "left_out_rms": np.array([one.rms for one in without]),
         "fitted_error": np.array(errors),
     }

@@ -5,6 +5,7 @@ own with one thread, so that its bytes depend neither on the number of workers n
 """
 
 import contextlib
+import dataclasses
 import hashlib
 import io
 import os
@@ -80,7 +81,8 @@ class Workshop:
 
         Args:
             step: for people, and part of the file names.
-            task: a function of a module, its arguments arrays, numbers, strings and bytes.
+            task: a function of a module; its arguments: arrays, numbers, strings, bytes, and tuples and
+                dataclasses of them.
 
         Raises:
             Whatever the first failing task raises, in the order of the names.
@@ -133,6 +135,10 @@ def _feed(digest, value: object) -> None:
     elif isinstance(value, tuple | list):
         for one in value:
             _feed(digest, one)
+    elif dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            digest.update(field.name.encode())
+            _feed(digest, getattr(value, field.name))
     else:
         digest.update(repr(value).encode())
 
