@@ -1,6 +1,7 @@
 """Joint refinement of pose and latent on motion whose truth is known."""
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -101,3 +102,23 @@ def test_less_noise_means_a_tighter_posterior():
         for scale in (1, 10, 100)
     ]
     assert traces[0] < traces[1] < traces[2]
+
+
+@pytest.mark.parametrize("along", [-0.03, 0.03])
+def test_the_distance_may_move_as_far_as_the_place_across_the_ray_was_wrong(along):
+    _, points, model, pose, latent = _case(4)
+    left = []
+    for across in (0.0, 0.04):
+        told = pose.copy()
+        told[:3, 3] += [across, 0, along]
+        fit = fit_pose_and_shape(
+            _motion(points, model, pose, latent, scale=3.0),
+            points,
+            model,
+            camera=CAMERA,
+            told_pose=told,
+            start_pose=told,
+            pose_prior=TOLD_POSE,
+        )
+        left.append(abs(fit.camera_from_object[2, 3] - pose[2, 3]))
+    assert left[1] < 0.8 * left[0]

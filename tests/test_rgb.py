@@ -59,6 +59,20 @@ def test_no_box_is_needed(estimator, seen):
     assert estimate.status is not EstimateStatus.OUT_OF_CATEGORY
 
 
+def test_a_told_mask_is_what_the_outline_meets(renderer):
+    instance = next(iter(instances(["mug"], None)))
+    told, _ = observe_instance(instance, 30, views=74, renderer=renderer)
+    estimator = RgbEstimator(gt.load_category("mug"), renderer=renderer, refine_pose=False, device="cpu")
+    estimate = estimator(replace(told, depth=None))
+    both, either = (estimate.mask & told.mask).sum(), (estimate.mask | told.mask).sum()
+    assert both / either > 0.985
+    half = told.mask.copy()
+    half[: np.nonzero(told.mask.any(1))[0].mean().astype(int)] = False
+    lower = estimator(replace(told, mask=half, depth=None))
+    heights = [np.ptp(each.field(estimator.category.canonical.vertices)[:, 2]) for each in (lower, estimate)]
+    assert heights[0] < 0.95 * heights[1]
+
+
 def test_the_posterior_is_a_covariance_narrower_than_the_prior(estimator, seen):
     covariance = estimator(seen).latent_covariance
     values = np.linalg.eigvalsh(covariance)

@@ -23,6 +23,7 @@ ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
 LONGEST_STEP = (0.2, 0.05, 2.0)  # rad, m, standard deviations: beyond, a linear model says nothing
 TAIL = 3.0  # degrees of freedom of the pose prior, a Student t distribution
+LIKE_ACROSS = 0.5  # the error of the told distance has the variance that one axis across the ray shows
 TOLD_POSE = PosePrior(np.deg2rad(1.0), 0.005)  # how far a told pose may be wrong
 # When the vertices on the outline are searched: once flow and offsets have brought it near, and then
 # again; after that they stay, or the fit would jump between neighbouring vertices for ever.
@@ -130,7 +131,7 @@ def fit_pose_and_shape(
             evidence.search_outline(pose, latent)
         hessian, gradient = evidence.quadratic(pose, latent)
         hold, pull = prior.quadratic(pose, latent)
-        covariance[free, free] = np.linalg.inv((hessian + np.diag(hold))[free, free])
+        covariance[free, free] = np.linalg.inv((hessian + hold)[free, free])
         step = np.zeros(6 + size)
         step[free] = -covariance[free, free] @ (gradient + pull)[free]
         step *= min(1.0, 1 / max(np.abs(step / longest).max(), 1e-9))
@@ -180,22 +181,33 @@ class _Prior:
     pose: PosePrior | None
     latent: LatentPrior
 
-    def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s"], Float[np.ndarray, "s"]]:
-        """Diagonal of the hessian, and gradient."""
-        precision = np.concatenate([np.ones(6), self.latent.deviation**-2])
-        if self.pose is not None:
-            precision[:3], precision[3:6] = self.pose.rotation**-2, self.pose.translation**-2
+    def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
+        """Hessian and gradient."""
         astray = np.concatenate([_drift(self.told_pose, pose), latent - self.latent.mean])
-        hold = precision * _tail_weight(astray, precision)
-        return hold, hold * astray
+        hold = np.diag(np.concatenate([np.zeros(6), self.latent.deviation**-2]))
+        if self.pose is not None:
+            hold[:3, :3] = _tail_weight(astray[:3] / self.pose.rotation) / self.pose.rotation**2 * np.eye(3)
+            hold[3:6, 3:6] = self._hold_of_shift(astray[3:6], self.pose.translation)
+        return hold, hold @ astray
+
+    def _hold_of_shift(self, shift, deviation: float) -> Float[np.ndarray, "3 3"]:
+        """The picture shows how far the place was wrong across the ray: as far it may be along the ray."""
+        ray = self.told_pose[:3, 3] / np.linalg.norm(self.told_pose[:3, 3])
+        along = np.outer(ray, ray)
+        across = shift - along @ shift
+        distance_variance = deviation**2 + LIKE_ACROSS * (across @ across)
+        return (
+            along / distance_variance + (np.eye(3) - along) * _tail_weight(across / deviation) / deviation**2
+        )
 
 
-def _tail_weight(astray, prior) -> Float[np.ndarray, "s"]:
-    """How much of the prior's hold is left: told poses are mostly good, but a bad one is far off."""
-    weight = np.ones(len(astray))
-    for part in (slice(0, 3), slice(3, 6)):
-        weight[part] = 1 / (1 + np.sum(prior[part] * astray[part] ** 2) / TAIL)
-    return weight
+def _tail_weight(astray: Float[np.ndarray, "3"]) -> float:
+    """How much of the prior's hold is left: told poses are mostly good, but a bad one is far off.
+
+    Args:
+        astray: the drift in standard deviations.
+    """
+    return 1 / (1 + astray @ astray / TAIL)
 
 
 def _drift(told_pose, pose) -> Float[np.ndarray, "6"]:

@@ -43,11 +43,14 @@ from grasptransfer.perception.zoom import (
     centre_on_box,
     projected_box,
     zoom_camera,
+    zoom_mask,
     zoom_picture,
 )
 from grasptransfer.registration import PosePrior
 
 LOOKS = 2
+# Latent, flow and offsets are read from one picture and err together: alone, each is less sure than it says.
+LATENT_OVERCONFIDENCE = 1.6
 ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 ACCEPTED_SCORE = 0.5
@@ -62,7 +65,7 @@ class Look:
         view: the model as assumed: pose and latent.
         motion: predicted motion of its visible cells from the canonical model.
         latent: what the picture as a whole says of the latent.
-        object_probability: (h / 4, w / 4) of the zoomed picture.
+        object_probability: (h / 4, w / 4) of the zoomed picture: as told, else as predicted.
         match: probability that the object is of the category.
     """
 
@@ -202,7 +205,10 @@ class RgbEstimator:
             view.cell_pixels + flow * FLOW_UNIT,
             np.exp(np.clip(flow_scale[:, 0], -5, 3)) * FLOW_UNIT,
         )
-        probability = torch.sigmoid(prediction.mask_logit[0, 0].float()).cpu().numpy()
+        if observation.mask is not None:
+            probability = zoom_mask(observation.mask, crop)
+        else:
+            probability = torch.sigmoid(prediction.mask_logit[0, 0].float()).cpu().numpy()
         return Look(camera, view, motion, _latent_prior(prediction, latent), probability, _match(prediction))
 
     def _outline(self, look: Look) -> Outline:
@@ -248,7 +254,7 @@ def _latent_prior(prediction: Prediction, assumed: Float[np.ndarray, "k"]) -> La
     size = min(len(assumed), LATENT_SIZE)
     mean[:size] = assumed[:size] + prediction.latent[0, :size].float().cpu().numpy()
     log_scale = prediction.latent_log_scale[0, :size].float().cpu().numpy()
-    deviation[:size] = np.exp(np.clip(log_scale, -4, 0))
+    deviation[:size] = np.minimum(LATENT_OVERCONFIDENCE * np.exp(np.clip(log_scale, -4, 0)), 1)
     return LatentPrior(mean, deviation)
 
 

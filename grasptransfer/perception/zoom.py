@@ -1,11 +1,12 @@
 """The zoom of the paper (section IV-B): one box that holds both objects, cut from the picture and resized."""
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.frames import transform_points
+from grasptransfer.perception.networks import MASK_STRIDE
 
 ZOOM_WIDTH, ZOOM_HEIGHT = 256, 192  # the network's input [px]
 MARGIN = 1.15  # the box is this much larger than what it must hold
@@ -77,3 +78,10 @@ def zoom_picture(image: UInt8[np.ndarray, "h w 3"], box: Box) -> UInt8[np.ndarra
     corners = (u0 + left, v0 + top, u1 + left, v1 + top)
     size = (ZOOM_WIDTH, ZOOM_HEIGHT)
     return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.BILINEAR, box=corners))
+
+
+def zoom_mask(mask: Bool[np.ndarray, "h w"], box: Box) -> Float32[np.ndarray, "48 64"]:
+    """The share of each mask cell of the zoomed picture that `mask` covers."""
+    picture = zoom_picture(np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2), box)[..., 0]
+    cells = picture.reshape(ZOOM_HEIGHT // MASK_STRIDE, MASK_STRIDE, -1, MASK_STRIDE)
+    return cells.mean((1, 3), dtype=np.float32) / 255
