@@ -23,6 +23,7 @@ from grasptransfer.grasping import (
     CollisionWorld,
     GraspCheck,
     Gripper,
+    PlausibleObjects,
     Scene,
     WarpedGrasp,
     check_grasps,
@@ -111,8 +112,8 @@ class GraspTransfer:
         """Warp, refine, check and rank the grasps on an estimated shape."""
         reached = self.reach(estimate, scene=scene)
         start, pose = time.perf_counter(), estimate.camera_from_object
-        known = {"category": self.category, "estimate": estimate, "mesh": reached.mesh, "seed": self.seed}
-        scores = rank_grasps(reached.grasps, reached.checks, self.gripper, **known)
+        plausible = PlausibleObjects.draw(reached.mesh, self.category, estimate, seed=self.seed)
+        scores = rank_grasps(reached.grasps, reached.checks, self.gripper, plausible=plausible)
         checks = doubt_unlikely(reached.checks, scores)
         timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
         grasps = _transferred(reached.grasps, checks, scores, pose)

@@ -66,3 +66,24 @@ def test_fitting_keeps_the_network_and_writes_the_confidence_beside_it(tmp_path)
     assert info.confidence != Confidence()
     for name, tensor in before.state_dict().items():
         assert torch.equal(tensor, after.state_dict()[name])
+
+
+def test_widening_the_joint_keeps_how_the_pose_goes_with_the_latent():
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(9, 9)) * np.array([0.02] * 3 + [0.01] * 3 + [0.2] * 3)[:, None]
+    joint, confidence = root @ root.T, Confidence(overconfidence=3.0)
+    widened = confidence.widened_with_pose(joint)
+    np.testing.assert_allclose(widened[6:, 6:], confidence.widened(joint[6:, 6:]))
+    slope = np.linalg.solve(joint[6:, 6:], joint[6:, :6])
+    np.testing.assert_allclose(np.linalg.solve(widened[6:, 6:], widened[6:, :6]), slope)
+    # What the pose leaves open when the latent is known is as before; all in all it is wider.
+    left = widened[:6, :6] - widened[:6, 6:] @ slope
+    np.testing.assert_allclose(left, joint[:6, :6] - joint[:6, 6:] @ slope, atol=1e-12)
+    assert np.linalg.eigvalsh(widened - joint).min() > -1e-12
+
+
+def test_a_pose_that_was_kept_stays_certain_when_widened():
+    joint = np.zeros((9, 9))
+    joint[6:, 6:] = np.diag([0.1, 0.2, 0.3])
+    widened = Confidence(overconfidence=2.0).widened_with_pose(joint)
+    np.testing.assert_array_equal(widened[:6], 0)

@@ -7,6 +7,7 @@ from grasptransfer.frames import rigid, rotation_angle
 from grasptransfer.grasping.collision import CheckStatus, check_grasps
 from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.gripper import load_gripper
+from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.ranking import rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
 from grasptransfer.grasping.scene import Scene
@@ -154,7 +155,8 @@ def test_refinement_frees_the_whole_way_in():
 
 def score(grasps, mesh=BAR, seed=0):
     world = CollisionWorld(mesh)
-    return rank_grasps(grasps, check_grasps(grasps, world, PANDA), PANDA, mesh=mesh, seed=seed)[0]
+    plausible = PlausibleObjects.draw(mesh, seed=seed)
+    return rank_grasps(grasps, check_grasps(grasps, world, PANDA), PANDA, plausible=plausible)[0]
 
 
 def test_scores_are_chances_and_repeat_for_a_seed():
@@ -196,4 +198,4 @@ def test_what_hangs_below_the_pads_scores_higher_than_what_lies_beside_them():
 
 
 def test_ranking_wants_a_check_for_each_grasp():
-    assert rank_grasps([], [], PANDA, mesh=BAR) == ()
+    assert rank_grasps([], [], PANDA, plausible=PlausibleObjects.draw(BAR)) == ()

@@ -8,7 +8,7 @@ import pytest
 import grasptransfer as gt
 from grasptransfer.benchmark.seen_instances import load_instance, observe_instance
 from grasptransfer.frames import rotation_angle
-from grasptransfer.perception.estimate import ShapeEstimate
+from grasptransfer.perception.estimate import ShapeEstimate, with_certain_pose
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgbd import RgbdEstimator
 
@@ -39,7 +39,11 @@ def _vague(mug, spread: float):
     def estimate(observation):
         assert observation.depth is None  # RGB must not see depth
         return ShapeEstimate(
-            space.field(latent), observation.camera_from_object, latent, covariance, mask=observation.mask
+            space.field(latent),
+            observation.camera_from_object,
+            latent,
+            with_certain_pose(covariance),
+            mask=observation.mask,
         )
 
     return estimate
@@ -77,7 +81,9 @@ def test_a_wrong_pose_is_moved_back(mug, seen, renderer):
 
     def knows_the_shape(observation):
         narrow = 1e-4 * np.eye(space.n_modes)
-        return ShapeEstimate(space.field(latent), told, latent, narrow, mask=observation.mask)
+        return ShapeEstimate(
+            space.field(latent), told, latent, with_certain_pose(narrow), mask=observation.mask
+        )
 
     fused = RgbdEstimator(mug.category, knows_the_shape, renderer)(observation)
     before, after = (np.linalg.norm(p[:3, 3] - pose[:3, 3]) for p in (told, fused.camera_from_object))
@@ -102,7 +108,11 @@ def test_depth_of_a_wall_behind_glass_is_let_go(mug, seen, renderer):
     def knows_the_shape(observation):
         covariance = 0.01 * np.eye(space.n_modes)
         return ShapeEstimate(
-            space.field(latent), observation.camera_from_object, latent, covariance, mask=observation.mask
+            space.field(latent),
+            observation.camera_from_object,
+            latent,
+            with_certain_pose(covariance),
+            mask=observation.mask,
         )
 
     rng = np.random.default_rng(0)

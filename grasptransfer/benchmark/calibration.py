@@ -11,15 +11,21 @@ from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 
 import numpy as np
-from jaxtyping import Float
 
 from grasptransfer import shapes
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.grasp import as_executed
 from grasptransfer.benchmark.seen_instances import Instance, observe_instance
 from grasptransfer.category import load_category
-from grasptransfer.grasping import load_gripper
-from grasptransfer.grasping.ranking import Ranking, expected_success, grasp_features
+from grasptransfer.grasping import PlausibleObjects, load_gripper
+from grasptransfer.grasping.ranking import (
+    FEATURES,
+    Features,
+    Ranking,
+    Weights,
+    expected_success,
+    grasp_features,
+)
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.scenes import PoseNoise
@@ -60,7 +66,7 @@ class CalibrationSettings:
 class Executed:
     """Features of one executed grasp in each draw, and whether it held."""
 
-    features: Float[np.ndarray, "s 4"]
+    features: Features
     held: bool
 
 
@@ -86,12 +92,11 @@ def run_calibration(
     summary = {"grasps": len(scores), "held": float(np.mean([held for _, held in scores]))}
     for name in ("present", "fitted"):
         summary[f"calibration_error_{name}"] = calibration_error(rows, name)
-    names = ("bias", "clearance", "flatness", "coverage", "moment")
-    summary |= {name: float(value) for name, value in zip(names, fitted, strict=True)}
+    summary |= {name: float(value) for name, value in zip(("bias", *FEATURES), fitted, strict=True)}
     return document("calibration", settings=asdict(settings), rows=rows, summary=summary)
 
 
-def fit_weights(executed: list[Executed]) -> Float[np.ndarray, "5"]:
+def fit_weights(executed: list[Executed]) -> Weights:
     """Bias and weights of the ranking that make what was executed most likely."""
     from scipy.optimize import minimize
 
@@ -152,15 +157,8 @@ def _execute_on(settings: CalibrationSettings, name: str, number: int) -> list[E
 def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list[Executed]:
     estimate = flow.estimator(observation)
     reached = flow.reach(estimate)
-    features = grasp_features(
-        reached.grasps,
-        reached.checks,
-        flow.gripper,
-        mesh=reached.mesh,
-        category=flow.category,
-        estimate=estimate,
-        settings=Ranking(),
-    )
+    plausible = PlausibleObjects.draw(reached.mesh, flow.category, estimate)
+    features = grasp_features(reached.grasps, reached.checks, flow.gripper, plausible=plausible)
     usable = np.array([i for i, check in enumerate(reached.checks) if check.usable], int)
     rng = np.random.default_rng(settings.seed)
     usable = rng.permutation(usable)[:MOST_GRASPS]  # symmetry families have many members alike

@@ -9,7 +9,7 @@ from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.baselines import ClsEstimator, CpdEstimator, RigidEstimator, SimilarityEstimator
 from grasptransfer.perception.canonical_view import view_canonical
-from grasptransfer.perception.estimate import Estimator, ShapeEstimate
+from grasptransfer.perception.estimate import Estimator, ShapeEstimate, with_certain_pose
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
@@ -40,9 +40,8 @@ class TrueOffsetsEstimator:
         offsets = self.instance.true_field.displacement(points)
         noise = TRUE_OFFSET_NOISE if self.instance.exact else CPD_OFFSET_NOISE
         posterior = space.map_estimate(points, offsets, noise)
-        return ShapeEstimate(
-            space.field(posterior.mean), pose, latent=posterior.mean, latent_covariance=posterior.covariance
-        )
+        covariance = with_certain_pose(posterior.covariance)
+        return ShapeEstimate(space.field(posterior.mean), pose, latent=posterior.mean, covariance=covariance)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
+from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.ranking import doubt_unlikely, rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
 from grasptransfer.grasping.scene import Scene, load_scene
@@ -29,6 +30,7 @@ __all__ = [
     "GraspCheck",
     "GraspFile",
     "Gripper",
+    "PlausibleObjects",
     "Scene",
     "Surface",
     "Symmetry",

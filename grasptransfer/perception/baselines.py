@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from grasptransfer.category import Category
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
+from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate, with_certain_pose
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.zoom import projected_box
 from grasptransfer.registration import DeformationField, LatentFitStatus, cpd, latent_fit
@@ -85,7 +85,7 @@ class ClsEstimator:
             field=space.field(fit.latent),
             camera_from_object=pose,
             latent=fit.latent,
-            latent_covariance=fit.covariance,
+            covariance=with_certain_pose(fit.covariance),
             mask=observation.mask,
             status=_STATUS[fit.status],
             timings={"fit": time.perf_counter() - start},

@@ -33,6 +33,20 @@ class Confidence:
         values, vectors = np.linalg.eigh(covariance)
         return (vectors * np.minimum(values * self.overconfidence, 1.0)) @ vectors.T
 
+    def widened_with_pose(self, covariance: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "s s"]:
+        """The joint covariance over turn, shift and latent with the latent's part widened.
+
+        How the pose goes with the latent (distance with size) stays, and so does its own doubt.
+        """
+        latent, widened = covariance[6:, 6:], self.widened(covariance[6:, 6:])
+        pose_by_latent = np.linalg.solve(latent, covariance[6:, :6]).T
+        joint = np.empty_like(covariance)
+        joint[6:, 6:] = widened
+        joint[:6, 6:] = pose_by_latent @ widened
+        joint[6:, :6] = joint[:6, 6:].T
+        joint[:6, :6] = covariance[:6, :6] + pose_by_latent @ (widened - latent) @ pose_by_latent.T
+        return joint
+
     def as_data(self) -> dict[str, float]:
         """For a weight file's header."""
         return {name: round(float(value), 4) for name, value in asdict(self).items()}

@@ -38,7 +38,8 @@ class ShapeEstimate:
         field: canonical to object frame [m].
         camera_from_object: (4, 4) the pose, refined where the estimator does that.
         latent: (k,) coordinates in the shape space, standard deviations from the mean.
-        latent_covariance: (k, k) posterior covariance of `latent`.
+        covariance: (6 + k, 6 + k) joint posterior of turn about the object's origin [rad] and shift [m],
+            camera axes, and `latent`; 0 where a pose was taken as told.
         mask: (h, w) predicted pixels of the object.
         category_score: 1 = fits the category, 0 = does not.
         status: outcome.
@@ -48,11 +49,24 @@ class ShapeEstimate:
     field: DeformationField
     camera_from_object: Float[np.ndarray, "4 4"]
     latent: Float[np.ndarray, "k"] | None = None
-    latent_covariance: Float[np.ndarray, "k k"] | None = None
+    covariance: Float[np.ndarray, "s s"] | None = None
     mask: Bool[np.ndarray, "h w"] | None = None
     category_score: float = 1.0
     status: EstimateStatus = EstimateStatus.OK
     timings: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def latent_covariance(self) -> Float[np.ndarray, "k k"] | None:
+        """(k, k) posterior covariance of `latent`."""
+        return None if self.covariance is None else self.covariance[6:, 6:]
+
+
+def with_certain_pose(latent_covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "s s"]:
+    """The joint covariance of an estimate that takes its pose as told."""
+    size = len(latent_covariance)
+    covariance = np.zeros((6 + size, 6 + size))
+    covariance[6:, 6:] = latent_covariance
+    return covariance
 
 
 Estimator: TypeAlias = Callable[[Observation], ShapeEstimate]

@@ -157,7 +157,7 @@ class RgbEstimator:
             field=field,
             camera_from_object=fit.camera_from_object,
             latent=fit.latent,
-            latent_covariance=self.confidence.widened(fit.covariance[6:, 6:]),
+            covariance=self.confidence.widened_with_pose(fit.covariance),
             mask=_whole_mask(look, observation.camera),
             category_score=score,
             status=status if score >= ACCEPTED_SCORE else EstimateStatus.OUT_OF_CATEGORY,

@@ -99,7 +99,7 @@ class RgbdEstimator:
             field=space.field(fit.latent),
             camera_from_object=fit.pose,
             latent=fit.latent,
-            latent_covariance=fit.covariance[6:, 6:],
+            covariance=fit.covariance,
         )
 
     def _draw(self, fit: "_Fit", observation: Observation) -> "_Drawn":

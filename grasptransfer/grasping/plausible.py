@@ -1,0 +1,143 @@
+"""Objects that a picture leaves possible: surface points of the reconstruction, moved draw by draw.
+
+The posterior is Gaussian over pose and latent together: seen along one ray, a larger object farther away
+looks like a smaller one nearby. Displacements are linear in the latent, so the points of a drawn instance
+are `mean + basis x`, with no new field to evaluate; a drawn pose moves them as a whole. Draws come in
+pairs, one on either side of the estimate, so that their mean is the estimate.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from grasptransfer.grasping.surface import Surface
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from grasptransfer.category import Category
+    from grasptransfer.perception.estimate import ShapeEstimate
+
+SURFACE_POINTS = 3000  # about 4 mm apart on a mug: some ten under each pad
+MASS_LIMITS = (0.05, 1.0)  # kg, as the simulation protocols clamp it
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """How plausible objects are drawn.
+
+    Args:
+        draws: shapes and poses per call.
+        shift, turn: standard deviation, along each axis, of the pose's errors that no estimate knows of:
+            the hand's, and those of a told pose that was not refined [m, rad].
+        density: of the object [kg/m3], the simulation protocols' guess.
+    """
+
+    draws: int = 24
+    shift: float = 0.001
+    turn: float = 0.01
+    density: float = 500.0
+
+
+@dataclass(frozen=True)
+class PlausibleObjects:
+    """Surface points of each drawn object, object frame of the estimate.
+
+    Args:
+        points, normals: of the surface [m], unit; the same places of the surface in every draw.
+        centres: centre of mass of each draw [m], about: the surface's middle tells how the inside moves.
+        mass: kg.
+    """
+
+    points: Float[np.ndarray, "s m 3"]
+    normals: Float[np.ndarray, "s m 3"]
+    centres: Float[np.ndarray, "s 3"]
+    mass: float
+
+    @staticmethod
+    def draw(
+        mesh: "trimesh.Trimesh",
+        category: "Category | None" = None,
+        estimate: "ShapeEstimate | None" = None,
+        *,
+        seed: int = 0,
+        doubt: Doubt | None = None,
+    ) -> "PlausibleObjects":
+        """Draw around a reconstruction.
+
+        Args:
+            mesh: the reconstruction, object frame [m].
+            category, estimate: whose posterior is drawn from; without them only `doubt` varies the pose.
+            seed: of the draws.
+        """
+        import trimesh
+
+        doubt, rng = doubt or Doubt(), np.random.default_rng(seed)
+        sampled = trimesh.sample.sample_surface(mesh, SURFACE_POINTS, seed=0)
+        points, faces = np.asarray(sampled[0]), np.asarray(sampled[1])
+        motions = _rigid(_pairs(rng, doubt.draws, np.diag([doubt.turn**2] * 3 + [doubt.shift**2] * 3)))
+        shaped = np.tile(points, (doubt.draws, 1, 1))
+        if category is not None and estimate is not None and estimate.covariance is not None:
+            drawn = _pairs(rng, doubt.draws, estimate.covariance)
+            motions = _rigid(_turned(drawn[:, :6], estimate.camera_from_object)) @ motions
+            basis = _basis(points, faces, mesh, category)
+            shaped += (basis.reshape(-1, basis.shape[2]) @ drawn[:, 6:].T).T.reshape(shaped.shape)
+        solid = _solid(mesh)
+        centres = np.asarray(solid.center_mass) + (shaped - points).mean(axis=1)
+        turns, shifts = motions[:, :3, :3].transpose(0, 2, 1), motions[:, None, :3, 3]
+        return PlausibleObjects(
+            points=shaped @ turns + shifts,
+            normals=mesh.face_normals[faces] @ turns,
+            centres=(centres[:, None] @ turns + shifts)[:, 0],
+            mass=float(np.clip(doubt.density * abs(solid.volume), *MASS_LIMITS)),
+        )
+
+    @cached_property
+    def rows(self) -> tuple[Float32[np.ndarray, "3 p"], Float32[np.ndarray, "3 p"]]:
+        """Points and normals of all draws, one after the other, component by component: quick to search."""
+        together = (self.points.reshape(-1, 3).T, self.normals.reshape(-1, 3).T)
+        return np.ascontiguousarray(together[0], np.float32), np.ascontiguousarray(together[1], np.float32)
+
+
+def _pairs(rng: np.random.Generator, draws: int, covariance: Float[np.ndarray, "d d"]) -> np.ndarray:
+    """(draws, d) normal with this covariance, each beside its opposite."""
+    half = rng.multivariate_normal(np.zeros(len(covariance)), covariance, (draws + 1) // 2, method="eigh")
+    return np.concatenate([half, -half])[:draws]
+
+
+def _turned(
+    motions_camera: Float[np.ndarray, "s 6"], camera_from_object: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "s 6"]:
+    """Turn and shift along the object's axes instead of the camera's."""
+    rotation = camera_from_object[:3, :3]
+    return np.concatenate([motions_camera[:, :3] @ rotation, motions_camera[:, 3:] @ rotation], axis=1)
+
+
+def _rigid(motions: Float[np.ndarray, "s 6"]) -> Float[np.ndarray, "s 4 4"]:
+    """Of turns [rad] about the origin, and shifts [m]."""
+    from scipy.spatial.transform import Rotation
+
+    matrices = np.tile(np.eye(4), (len(motions), 1, 1))
+    matrices[:, :3, :3] = Rotation.from_rotvec(motions[:, :3]).as_matrix()
+    matrices[:, :3, 3] = motions[:, 3:]
+    return matrices
+
+
+def _basis(points, faces, mesh: "trimesh.Trimesh", category: "Category") -> Float[np.ndarray, "m 3 k"]:
+    """How the latent moves points of the reconstruction [m]."""
+    import trimesh
+
+    corners = np.asarray(mesh.triangles[faces])
+    weights = trimesh.triangles.points_to_barycentric(corners, points)
+    vertices = np.asarray(category.canonical.vertices)[np.asarray(mesh.faces)[faces]]
+    points_canonical = np.einsum("mc,mci->mi", weights, vertices)
+    return category.shape_space.displacement_model(points_canonical)[1]
+
+
+def _solid(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
+    """A closed surface, for mass and its centre."""
+    closed = Surface(mesh).mesh
+    return closed if closed.is_watertight else closed.convex_hull

@@ -1,0 +1,165 @@
+"""Ranking over plausible objects: what the posterior of pose and shape does to a grasp's score."""
+
+import time
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasptransfer.category import load_category
+from grasptransfer.frames import rigid
+from grasptransfer.grasping import PlausibleObjects, check_grasps, load_gripper, on_canonical, rank_grasps
+from grasptransfer.grasping.grasps import Grasp
+from grasptransfer.grasping.plausible import Doubt
+from grasptransfer.grasping.ranking import FEATURES, grasp_features
+from grasptransfer.perception.estimate import ShapeEstimate
+from grasptransfer.transfer import reconstruct
+
+PANDA = load_gripper("panda")
+SURE = Doubt(draws=16, shift=1e-5, turn=1e-4)
+FROM_ABOVE = np.diag([1.0, -1, -1])  # camera looking down the object's z, its x along the object's
+
+
+@pytest.fixture(scope="module")
+def mug():
+    return load_category("mug")
+
+
+def estimate_of(category, pose_covariance, camera_from_object):
+    space = category.shape_space
+    size = len(space.variances)
+    covariance = np.zeros((6 + size, 6 + size))
+    covariance[:6, :6] = pose_covariance
+    return ShapeEstimate(
+        space.field(np.zeros(size)), camera_from_object, latent=np.zeros(size), covariance=covariance
+    )
+
+
+def along_ray(deviation):
+    covariance = np.zeros((6, 6))
+    covariance[5, 5] = deviation**2
+    return covariance
+
+
+def drawn(category, estimate, *, seed=0, doubt=SURE):
+    mesh = reconstruct(category, estimate.field)
+    return PlausibleObjects.draw(mesh, category, estimate, seed=seed, doubt=doubt)
+
+
+def moved(plausible):
+    """How far each draw's surface lies beside the estimate's."""
+    return plausible.points.mean(axis=1) - plausible.points.mean(axis=(0, 1))
+
+
+def test_the_pose_is_drawn_along_the_ray_that_the_camera_sees_along(mug):
+    pose = rigid(FROM_ABOVE, np.array([0, 0, 0.8]))
+    ways = moved(drawn(mug, estimate_of(mug, along_ray(0.02), pose)))
+    assert np.abs(ways[:, :2]).max() < 1e-3  # the object's x and y lie across the ray
+    assert 0.005 < ways[:, 2].std() < 0.04
+
+
+def test_a_turn_is_drawn_about_the_objects_origin_in_the_cameras_axes(mug):
+    covariance = np.zeros((6, 6))
+    covariance[0, 0] = 0.1**2  # about the camera's x
+    aside = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # camera x is the object's y
+    estimate = estimate_of(mug, covariance, rigid(aside, np.array([0, 0, 0.8])))
+    points = drawn(mug, estimate).points
+    assert np.ptp(points[..., 1], axis=0).max() < 3e-3  # nothing moves along the axis
+    radius = np.linalg.norm(points[..., [0, 2]], axis=2)
+    assert np.ptp(radius, axis=0).max() < 3e-3  # nor towards the origin
+    assert np.ptp(points[..., 2], axis=0).max() > 5e-3
+
+
+def test_pose_and_latent_are_drawn_together(mug):
+    pose = rigid(FROM_ABOVE, np.array([0, 0, 0.8]))
+    estimate = estimate_of(mug, along_ray(0.02), pose)
+    covariance = estimate.covariance.copy()
+    covariance[6, 6] = 1.0
+    covariance[5, 6] = covariance[6, 5] = 0.02 * 0.999  # the farther, the larger the first mode
+    points = drawn(mug, ShapeEstimate(estimate.field, pose, estimate.latent, covariance)).points
+    shape = points - points.mean(axis=1, keepdims=True)
+    shape = shape - shape.mean(axis=0)
+    size = np.einsum("smi,mi->s", shape, shape[0])
+    assert abs(np.corrcoef(size, points.mean(axis=1)[:, 2])[0, 1]) > 0.98
+
+
+def test_draws_lie_on_both_sides_of_the_estimate(mug):
+    estimate = estimate_of(mug, along_ray(0.02), rigid(FROM_ABOVE, np.array([0, 0, 0.8])))
+    surface = reconstruct(mug, estimate.field)
+    plausible = drawn(mug, estimate)
+    np.testing.assert_allclose(plausible.centres.mean(axis=0), surface.convex_hull.center_mass, atol=0.01)
+    np.testing.assert_allclose(
+        plausible.centres[:8] - plausible.centres.mean(axis=0),
+        plausible.centres.mean(axis=0) - plausible.centres[8:],
+        atol=1e-4,
+    )
+    np.testing.assert_allclose(np.linalg.norm(plausible.normals, axis=2), 1, atol=1e-9)
+
+
+BAR = trimesh.creation.box(extents=(0.04, 0.16, 0.04))
+DOWN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # closes across the bar, along x
+
+
+def moved_along(mesh, axis, ways):
+    """A mesh whose place along one axis is in doubt: one draw for each way [m]."""
+    points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=0)
+    centres = np.zeros((len(ways), 3))
+    centres[:, axis] = ways
+    normals = np.tile(mesh.face_normals[faces], (len(ways), 1, 1))
+    return PlausibleObjects(np.asarray(points) + centres[:, None], normals, centres, 0.1)
+
+
+def seen_along(axis, farthest):
+    return moved_along(BAR, axis, np.linspace(-farthest, farthest, 16))
+
+
+def scores(plausible):
+    grasps = on_canonical([Grasp("g", "across", rigid(DOWN, np.array([0, 0, 0.01])), 0.04)])
+    return rank_grasps(grasps, check_grasps(grasps, BAR, PANDA), PANDA, plausible=plausible)[0]
+
+
+def test_doubt_along_the_closing_line_costs_more_than_along_the_bar():
+    assert scores(seen_along(0, 0.025)) < scores(seen_along(1, 0.025)) - 0.2
+    assert scores(seen_along(1, 0.025)) > scores(seen_along(1, 0.0)) - 0.05
+
+
+def test_of_two_grasps_alike_the_one_closing_across_the_ray_ranks_first(mug):
+    # A square post seen from the front: across the ray, its distance does not move it between the pads.
+    post = trimesh.creation.box(extents=(0.04, 0.04, 0.16))
+    below = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])  # closes along y
+    grasps = on_canonical(
+        [
+            Grasp("along", "top", rigid(DOWN, np.array([0, 0, 0.07])), 0.04),
+            Grasp("across", "top", rigid(below, np.array([0, 0, 0.07])), 0.04),
+        ]
+    )
+    seen = moved_along(post, 0, np.linspace(-0.012, 0.012, 16))  # the ray is the object's x
+    along, across = rank_grasps(grasps, check_grasps(grasps, post, PANDA), PANDA, plausible=seen)
+    assert across > along + 0.1
+
+
+def test_the_offset_is_how_far_the_object_lies_beside_the_middle():
+    grasps = on_canonical([Grasp("g", "across", rigid(DOWN, np.array([0.006, 0, 0.01])), 0.04)])
+    features = grasp_features(grasps, check_grasps(grasps, BAR, PANDA), PANDA, plausible=seen_along(1, 0.0))[
+        0
+    ]
+    np.testing.assert_allclose(features[:, FEATURES.index("offset")], 6, atol=0.1)
+
+
+def test_clearance_is_the_room_beside_the_nearest_finger():
+    grasps = on_canonical([Grasp("g", "across", rigid(DOWN, np.array([0.0, 0, 0.01])), 0.04)])
+    checks = check_grasps(grasps, BAR, PANDA)
+    room = (checks[0].opening - 0.04) / 2
+    seen = moved_along(BAR, 0, np.array([room - 0.0015, 0.0, room + 0.0015]))
+    clearance = grasp_features(grasps, checks, PANDA, plausible=seen)[0][:, FEATURES.index("clearance")]
+    np.testing.assert_allclose(clearance, [1.5, 3, -1.5], atol=0.3)
+
+
+def test_ranking_a_symmetry_family_takes_less_than_the_network(mug):
+    """A guard against work in the order of all points, boxes and draws: it once took 50 ms a grasp."""
+    grasps = on_canonical([Grasp("g", "across", rigid(DOWN, np.array([0.0, 0, 0.01])), 0.04)] * 20)
+    checks = check_grasps(grasps[:1], BAR, PANDA) * 20
+    seen = moved_along(BAR, 0, np.linspace(-0.02, 0.02, 24))
+    start = time.process_time()
+    rank_grasps(grasps, checks, PANDA, plausible=seen)
+    assert time.process_time() - start < 0.4
