@@ -1,38 +1,17 @@
-"""Deformation fields: laws, files and bad input."""
+"""Deformation fields: laws and bad input."""
 
 import logging
-import os
 
 import jaxtyping
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from smooth_fields import SIZE, cloud, fitted, smooth_target
 
-from grasptransfer.errors import FieldFileError, PointCloudError, SettingsError
-from grasptransfer.registration import DeformationField, ShapeSpace, register_pair
-from grasptransfer.registration.kernels import (
-    PrincipalKernel,
-    compress,
-    gaussian,
-    gaussian_times,
-    pivoted_cholesky,
-)
-
-SIZE = 0.07  # m
-
-
-def cloud(count: int, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).normal(size=(count, 3)) * SIZE * [0.5, 0.4, 0.8]
-
-
-def smooth_target(points: np.ndarray) -> np.ndarray:
-    return points * [1.15, 0.9, 1.05] + 0.005 * np.sin(20 * points[:, [1, 2, 0]])
-
-
-def fitted(seed: int = 0, *, beta: float = 1.0, count: int = 200) -> DeformationField:
-    points = cloud(count, seed)
-    return DeformationField.fit(points, points, smooth_target(points), beta=beta)
+from grasptransfer.errors import PointCloudError, SettingsError
+from grasptransfer.registration import DeformationField, register_pair
+from grasptransfer.registration.kernels import gaussian
 
 
 @pytest.fixture
@@ -131,41 +110,6 @@ def test_stronger_regularisation_bends_less():
     assert bending == sorted(bending, reverse=True)
 
 
-@pytest.mark.parametrize("beta", [0.5, 1.0, 2.0])
-def test_compressing_does_not_change_the_field(beta):
-    field = fitted(beta=beta, count=600)
-    normalised = field.normaliser(field.control_points)
-    centres, weights = compress(normalised, beta, field.weights)
-    others = field.normaliser(cloud(500, 3))
-    plain = gaussian_times(others, normalised, beta, field.weights)
-    # The tolerance is 1e-11 in the kernel's norm; fitted weights reach some thousands.
-    assert np.abs(gaussian_times(others, centres, beta, weights) - plain).max() < 1e-6 * np.abs(plain).max()
-
-
-@settings(max_examples=10, deadline=None)
-@given(seed=seeds, beta=st.floats(0.2, 3), tolerance=st.sampled_from([1e-3, 1e-7, 1e-10]))
-def test_the_kernels_factor_is_as_good_as_asked(seed, beta, tolerance):
-    points = cloud(80, seed) / SIZE
-    factor = pivoted_cholesky(points, beta, tolerance=tolerance).factor
-    # The largest entry of a positive semidefinite remainder is on its diagonal; 1e-14: rounding.
-    assert np.abs(factor @ factor.T - gaussian(points, points, beta)).max() <= tolerance + 1e-14
-
-
-@pytest.mark.parametrize("beta", [0.5, 2.0])
-def test_the_principal_kernel_is_orthogonal_and_as_good_as_asked(beta):
-    points = cloud(300, 1) / SIZE
-    kernel = PrincipalKernel.of(points, beta, tolerance=1e-7)
-    products = kernel.factor.T @ kernel.factor
-    np.testing.assert_allclose(products, np.diag(kernel.strengths), atol=1e-12 * kernel.strengths.max())
-    missed = gaussian(points, points, beta) - kernel.factor @ kernel.factor.T
-    assert np.abs(missed).max() < 2e-7  # the Cholesky factor's share, and that of what was left out
-    coefficients = np.random.default_rng(0).normal(size=(len(kernel.strengths), 3))
-    weights = kernel.shortest_weights(coefficients)
-    np.testing.assert_allclose(kernel.factor.T @ weights, coefficients, atol=1e-6)
-    shortest = np.linalg.lstsq(kernel.factor.T, coefficients, rcond=None)[0]
-    np.testing.assert_allclose(weights, shortest, rtol=1e-4, atol=1e-4 * np.abs(shortest).max())
-
-
 def test_many_points_at_once_equal_few():
     field, points = fitted(count=500), cloud(20_000, 5)
     together = field(points)
@@ -197,71 +141,6 @@ def test_a_pair_goes_from_a_through_the_canonical_to_b():
 def test_a_pair_of_one_field_is_the_identity():
     field, points = fitted(), cloud(60, 9)
     np.testing.assert_allclose(register_pair(field, field)(points), points, atol=1e-6 * SIZE)
-
-
-def test_a_saved_field_is_the_same(tmp_path):
-    field = fitted()
-    field.save(tmp_path / "deep" / "field.npz")
-    loaded = DeformationField.load(tmp_path / "deep" / "field.npz")
-    assert np.array_equal(loaded(cloud(50, 2)), field(cloud(50, 2)))
-    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["field.npz"]
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FieldFileError, match=r"nowhere\.npz"):
-        DeformationField.load(tmp_path / "nowhere.npz")
-
-
-def test_a_changed_file_is_refused(tmp_path):
-    path = tmp_path / "field.npz"
-    fitted().save(path)
-    arrays = dict(np.load(path))
-    arrays["weights"][3, 1] += 1e-9
-    np.savez(path, **arrays)
-    with pytest.raises(FieldFileError, match="checksum"):
-        DeformationField.load(path)
-
-
-@settings(max_examples=100, deadline=None)
-@given(place=st.floats(0, 1), value=st.integers(1, 255))
-def test_a_flipped_byte_never_passes_for_another_field(tmp_path_factory, place, value):
-    path = tmp_path_factory.mktemp("flip") / "field.npz"
-    field = DeformationField(cloud(20), cloud(20, 1), 1.0, np.zeros(3), 1.0)
-    field.save(path)
-    content = bytearray(path.read_bytes())
-    content[int(place * (len(content) - 1))] ^= value
-    path.write_bytes(content)
-    try:
-        loaded = DeformationField.load(path)
-    except FieldFileError:
-        return
-    assert np.array_equal(loaded.weights, field.weights)  # the byte was one that zip does not read
-
-
-def test_other_files_are_refused(tmp_path):
-    (tmp_path / "text.npz").write_text("not a zip")
-    np.savez(tmp_path / "plain.npz", weights=np.zeros(3))
-    np.savez(tmp_path / "pickled.npz", kind=np.array([{"a": 1}], dtype=object))
-    space = ShapeSpace(np.eye(3), 1.0, np.zeros(3), 1.0, np.eye(3), np.zeros((0, 3, 3)), np.zeros(0), 0.0)
-    space.save(tmp_path / "space.npz")
-    for path in sorted(tmp_path.iterdir()):
-        with pytest.raises(FieldFileError, match=path.name):
-            DeformationField.load(path)
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "field.npz"
-    field = fitted()
-    field.save(path)
-
-    def fail(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
-        DeformationField.identity(cloud(5)).save(path)
-    assert np.array_equal(DeformationField.load(path).weights, field.weights)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["field.npz"]
 
 
 def test_arrays_are_read_only_copies():

@@ -1,4 +1,4 @@
-"""The report, the files of a result, pose files, the annotator's session."""
+"""The report and the files of a result."""
 
 import base64
 import dataclasses
@@ -10,29 +10,22 @@ import pytest
 import trimesh
 import yaml
 from PIL import Image
+from seen_mug import CAMERA, POSE, see_mug
 
 import grasptransfer as gt
-from grasptransfer.annotator import Session
-from grasptransfer.errors import GraspFileError, ImageError, MeshError, PoseError, SettingsError
-from grasptransfer.frames import rigid
-from grasptransfer.grasping import load_grasps
+from grasptransfer.errors import SettingsError
 from grasptransfer.grasping.formats import read_grasps
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.views import look_at
 from grasptransfer.registration import DeformationField
 from grasptransfer.report import transfer_files
 from grasptransfer.report.execution_table import execution_table
 from grasptransfer.report.html_parts import gif_uri
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.pictures import Pictures, outlined
-from grasptransfer.report.pose_file import load_pose
 from grasptransfer.report.result_files import save_result
 from grasptransfer.report.studio import Studio, View, crop_photo, observed_view
 from grasptransfer.simulation.outcome import Recording, TrialResult, TrialStatus
-
-CAMERA = gt.Camera.from_fov(320, 240, np.deg2rad(60))
-POSE = look_at(0.4, 0.6, 0.6)
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +35,8 @@ def category():
 
 @pytest.fixture(scope="module")
 def result(category):
-    name = category.test[1]
-    with Renderer() as renderer:
-        seen = renderer.render(category.instance_scene(name), CAMERA, POSE)
-    image = seen.over(np.full((240, 320, 3), 120, np.uint8))
-    field = category.field(name)
+    image, seen = see_mug(category)
+    field = category.field(category.test[1])
 
     def true_shape(observation):
         return ShapeEstimate(field, observation.camera_from_object, mask=seen.mask, timings={"fit": 0.01})
@@ -191,79 +181,6 @@ def test_a_gif_has_its_frames_and_their_time():
         assert picture.info["duration"] == 100
 
 
-def test_pose_files_of_ours_and_of_bop_mean_the_same(tmp_path):
-    ours, theirs = tmp_path / "ours.yaml", tmp_path / "bop.json"
-    ours.write_text(yaml.safe_dump({"camera_from_object": POSE.tolist()}))
-    rotation, translation = POSE[:3, :3].ravel().tolist(), (1000 * POSE[:3, 3]).tolist()
-    theirs.write_text(yaml.safe_dump({"cam_R_m2c": rotation, "cam_t_m2c": translation, "obj_id": 3}))
-    np.testing.assert_allclose(load_pose(ours), POSE, atol=1e-12)
-    np.testing.assert_allclose(load_pose(theirs), POSE, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "mapping"),
-        ("- 1", "list"),
-        ("a: [1", "not valid YAML at line"),
-        ("pose: 1", "camera_from_object"),
-        ("camera_from_object: [1, 2]", "4 x 4"),
-        ("camera_from_object: [[a]]", "numbers"),
-        ("cam_R_m2c: [1, 0, 0, 0, 1, 0, 0, 0, 1]", "cam_t_m2c"),
-        ("camera_from_object: [[1,0,0,0],[0,1,0,0],[0,0,1,600],[0,0,0,1]]", "millimetres"),
-        ("camera_from_object: [[1,0,0,0],[0,1,0,0],[0,0,-1,0.6],[0,0,0,1]]", "reflection"),
-        ("camera_from_object: [[1,0,0,0],[0,1,0,0],[0,0,1,0.6],[0,0,0,1]]\ncam_t_m2c: [0,0,0]", "two poses"),
-    ],
-)
-def test_a_wrong_pose_file_is_explained(text, said, tmp_path):
-    path = tmp_path / "pose.yaml"
-    path.write_text(text)
-    with pytest.raises(PoseError) as caught:
-        load_pose(path)
-    assert said in str(caught.value)
-    assert str(path) in str(caught.value)
-
-
-def test_a_missing_pose_file_is_named(tmp_path):
-    with pytest.raises(PoseError, match="nowhere"):
-        load_pose(tmp_path / "nowhere.yaml")
-
-
-def test_wrong_files_of_the_transfer_command_are_explained(tmp_path):
-    grey = tmp_path / "grey.png"
-    Image.fromarray(np.zeros((40, 40), np.uint8)).save(grey)
-    with pytest.raises(ImageError, match="16-bit"):
-        transfer_files.load_depth(grey)
-    with pytest.raises(MeshError, match="does not exist"):
-        transfer_files.load_mesh(tmp_path / "none.obj")
-    (tmp_path / "empty.obj").write_text("# nothing\n")
-    with pytest.raises(MeshError):
-        transfer_files.load_mesh(tmp_path / "empty.obj")
-    trimesh.creation.box([80, 80, 90]).export(tmp_path / "mm.ply")
-    with pytest.raises(MeshError, match="metres"):
-        transfer_files.load_mesh(tmp_path / "mm.ply")
-
-
-def test_depth_pictures_are_millimetres(tmp_path):
-    Image.fromarray(np.full((40, 50), 1234, np.uint16)).save(tmp_path / "depth.png")
-    np.testing.assert_allclose(transfer_files.load_depth(tmp_path / "depth.png"), 1.234)
-
-
-def test_files_appear_all_together_or_not_at_all(tmp_path):
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "mine.txt").write_text("stays")
-    with pytest.raises(RuntimeError), transfer_files.replacing_files(out) as folder:  # noqa: PT012
-        (folder / "half.txt").write_text("half")
-        raise RuntimeError
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-    assert [path.name for path in out.iterdir()] == ["mine.txt"]
-    with transfer_files.replacing_files(out) as folder:
-        (folder / "whole.txt").write_text("whole")
-    assert sorted(path.name for path in out.iterdir()) == ["mine.txt", "whole.txt"]
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
 def test_the_best_of_each_label_comes_first(result):
     best = transfer_files.best_of_each_label(result.usable)
     assert {grasp.label for grasp in best} == {grasp.label for grasp in result.usable}
@@ -282,102 +199,3 @@ def test_the_table_counts_what_was_held():
     columns = {column.header: list(column.cells) for column in execution_table(outcomes).columns}
     assert columns["held"] == ["1/2", "2/2", "3/4"]
     assert columns["slip mm"] == ["1.0", "4.0", "3.0"]
-
-
-@pytest.fixture
-def session(category, tmp_path):
-    return Session(category, gt.load_gripper("panda"), path=tmp_path / "grasps.yaml")
-
-
-def test_annotated_grasps_survive_saving(session, category, tmp_path):
-    rim = load_grasps(category.grasps_path)[0]
-    session.add("edge")
-    found = session.move("edge", rim.canonical_from_gripper)
-    session.describe("edge", label="rim", approach_distance=0.12, confidence=0.8)
-    session.turn("edge", [-30, 0, 30], point=np.array([-0.0157, 0, 0]))
-    assert found.usable
-    assert session.unsaved
-    session.save()
-    assert not session.unsaved
-    back = Session(category, session.gripper, path=session.path).grasp("edge")
-    assert (back.label, back.approach_distance, back.confidence) == ("rim", 0.12, 0.8)
-    assert back.symmetry.turns() == (-30, 0, 30)
-    np.testing.assert_allclose(back.contacts, session.grasp("edge").contacts, atol=1e-8)
-    # What rays meet agrees with what a person typed from the model's dimensions.
-    assert back.width == pytest.approx(rim.width, abs=0.001)
-    np.testing.assert_allclose(back.contacts, rim.contacts, atol=0.003)
-
-
-def test_a_new_grasp_starts_above_the_object_and_pointing_down(session, category):
-    grasp = session.add("first")
-    assert grasp.canonical_from_gripper[2, 3] == pytest.approx(category.canonical.bounds[1, 2] - 0.01)
-    np.testing.assert_allclose(grasp.canonical_from_gripper[:3, 2], [0, 0, -1])
-
-
-def test_centring_brings_the_tcp_between_its_contacts(session, category):
-    pose = np.array(load_grasps(category.grasps_path)[0].canonical_from_gripper)
-    pose[:3, 3] += 0.004 * pose[:3, 0]
-    session.add("edge")
-    before = session.move("edge", pose)
-    assert abs(before.offset) > 0.003
-    after = session.centre("edge")
-    assert abs(after.offset) < 2e-4  # rays move with the pads, over a curved wall
-    assert after.usable
-
-
-def test_a_grasp_beside_the_object_touches_nothing(session):
-    session.add("far")
-    found = session.move("far", rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.4, 0.0, 0.0])))
-    assert not found.usable
-    assert found.contacts is None
-    assert found.width is None
-
-
-def test_the_annotator_refuses_names_that_clash(session, category):
-    session.add("one")
-    session.add("two", like="one")
-    for name in ("one", "", "a/b"):
-        with pytest.raises(SettingsError):
-            session.rename("two", name)
-    session.rename("one", "zero")
-    assert session.names == ("zero", "two")
-    session.remove("zero")
-    assert session.names == ("two",)
-    with pytest.raises(SettingsError, match="two"):
-        session.grasp("zero")
-    empty = Session(category, session.gripper, path=session.path)
-    with pytest.raises(GraspFileError, match="no grasp"):
-        empty.save()
-
-
-def test_a_file_for_another_gripper_is_refused(category):
-    with pytest.raises(GraspFileError, match="panda"):
-        Session(category, gt.load_gripper("wsg50"))
-
-
-def test_the_annotators_page_follows_what_is_dragged_and_typed(session, category):
-    import viser
-
-    from grasptransfer.annotator.browser import Page
-
-    session.add("edge")
-    session.move("edge", load_grasps(category.grasps_path)[0].canonical_from_gripper)
-    server = viser.ViserServer(host="127.0.0.1", port=8917, verbose=False)
-    try:
-        page = Page(server, session)
-        assert "**free**" in page.status.content
-        page.controls.position = tuple(np.add(page.controls.position, [0, 0, 0.05]))
-        page._dragged()
-        page.refresh()
-        assert "**no contact**" in page.status.content
-        assert session.grasp("edge").canonical_from_gripper[2, 3] > category.canonical.bounds[1, 2]
-        page._later(lambda: page._new("edge"))
-        page._later(lambda: page._rename("edge"))
-        page.refresh()
-        assert "name of another grasp" in page.status.content
-        page._later(lambda: page._rename("copy"))
-        page._later(page._save)
-        page.refresh()
-        assert [grasp.name for grasp in load_grasps(session.path)] == ["edge", "copy"]
-    finally:
-        server.stop()

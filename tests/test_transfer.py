@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from seen_mug import CAMERA, POSE, see_mug
 
 import grasptransfer as gt
 from grasptransfer.errors import CategoryError, GripperError, NotSucceeded, SettingsError
@@ -9,11 +10,6 @@ from grasptransfer.frames import rigid, rotation_angle
 from grasptransfer.perception.baselines import depth_cloud
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.observation import observe
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.views import look_at
-
-CAMERA = gt.Camera.from_fov(320, 240, np.deg2rad(60))
-POSE = look_at(0.4, 0.6, 0.6)
 
 
 @pytest.fixture(scope="module")
@@ -23,9 +19,8 @@ def category():
 
 @pytest.fixture(scope="module")
 def picture(category):
-    with Renderer() as renderer:
-        seen = renderer.render(category.instance_scene(category.test[1]), CAMERA, POSE)
-    return seen.over(np.full((240, 320, 3), 120, np.uint8)), seen.mask, seen.depth
+    image, seen = see_mug(category)
+    return image, seen.mask, seen.depth
 
 
 @pytest.fixture(scope="module")
