@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from multiprocessing import get_context
@@ -47,28 +47,31 @@ def measure_instances(
     key = _digest(measure, settings)
     rows = _read(ledger, key)
     waiting = [names for names in found if names not in rows]
-
-    def keep(names: tuple[str, str], row: dict):
+    if progress:
+        progress(len(found) - len(waiting), len(found))
+    for names, row in _measured(measure, settings, waiting, workers):
         rows[names] = row
         if ledger is not None:
             _append(ledger, key, names, row)
         if progress:
             progress(sum(names in rows for names in found), len(found))
-
-    if progress:
-        progress(len(found) - len(waiting), len(found))
-    if workers == 1:
-        for names in waiting:
-            keep(names, measure(settings, *names))
-    elif waiting:
-        context = get_context("spawn")
-        with ProcessPoolExecutor(
-            min(workers, len(waiting)), context, initializer=_settle, initargs=(workers,)
-        ) as pool:
-            tasks = {pool.submit(measure, settings, *names): names for names in waiting}
-            for task in as_completed(tasks):
-                keep(tasks[task], task.result())
     return [rows[names] for names in found]
+
+
+def _measured(
+    measure: Measure, settings: Any, waiting: Sequence[tuple[str, str]], workers: int
+) -> Iterator[tuple[tuple[str, str], dict]]:
+    """Each instance with its row, as soon as there is one."""
+    if workers == 1 or not waiting:
+        for names in waiting:
+            yield names, measure(settings, *names)
+        return
+    context = get_context("spawn")
+    count = min(workers, len(waiting))
+    with ProcessPoolExecutor(count, context, initializer=_settle, initargs=(workers,)) as pool:
+        tasks = {pool.submit(measure, settings, *names): names for names in waiting}
+        for task in as_completed(tasks):
+            yield tasks[task], task.result()
 
 
 def _settle(workers: int):

@@ -58,13 +58,9 @@ def write_category(
     staging, replaced = folder.with_name(f".{folder.name}.part"), folder.with_name(f".{folder.name}.old")
     _clear_up(folder, staging, replaced)
     try:
-        write_whole(staging / CANONICAL, canonical_glb)
-        for instance, content in instance_glbs.items():
-            write_whole(staging / f"instances/{instance}.glb", content)
+        _write_models(staging, canonical_glb, instance_glbs, split)
         shape_space.save(staging / SHAPE_SPACE)
-        stacked = np.stack(list(weights.values())).astype(np.float32)
-        save_arrays(staging / FIELDS, FIELDS_KIND, {"names": np.array(list(weights)), "weights": stacked})
-        write_whole(staging / PREVIEW, _preview(staging, split))
+        _write_fields(staging, weights)
         paths = sorted(path for path in staging.rglob("*") if path.is_file())
         CategoryFile(
             name=name,
@@ -80,6 +76,19 @@ def write_category(
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     return load_category(folder)
+
+
+def _write_models(staging: Path, canonical_glb: bytes, instance_glbs: dict[str, bytes], split: Split) -> None:
+    """The models, and a picture of them all."""
+    write_whole(staging / CANONICAL, canonical_glb)
+    for instance, content in instance_glbs.items():
+        write_whole(staging / f"instances/{instance}.glb", content)
+    write_whole(staging / PREVIEW, _preview(staging, split))
+
+
+def _write_fields(staging: Path, weights: dict[str, Float[np.ndarray, "n 3"]]) -> None:
+    stacked = np.stack(list(weights.values())).astype(np.float32)
+    save_arrays(staging / FIELDS, FIELDS_KIND, {"names": np.array(list(weights)), "weights": stacked})
 
 
 def _keep_others(folder: Path, staging: Path) -> None:

@@ -20,26 +20,15 @@ def read_pcd(path: Path) -> Float[np.ndarray, "m 3"]:
     content = path.read_bytes()
     header, body = _header(content, path)
     try:
-        names = header["FIELDS"].split()
-        counts = [int(n) for n in header.get("COUNT", "1 " * len(names)).split()]
-        kinds = [_KINDS[kind] for kind in header["TYPE"].split()]
-        sizes = header["SIZE"].split()
-        total = int(header["POINTS"])
-        dtype = np.dtype(
-            [
-                (name, f"<{kind}{size}", (count,)) if count > 1 else (name, f"<{kind}{size}")
-                for name, kind, size, count in zip(names, kinds, sizes, counts, strict=True)
-            ]
-        )
+        dtype, total = _layout(header)
     except (KeyError, ValueError, TypeError) as cause:
         raise PointCloudError("has a broken PCD header", path=path, fix=f"{cause}") from cause
+    names = dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
         raise PointCloudError("has no x, y, z", path=path, key="FIELDS", value=" ".join(names))
     try:
         if header["DATA"] == "ascii":
-            columns = np.cumsum([0, *counts])
-            rows = np.loadtxt(body.decode("ascii").splitlines(), ndmin=2)[:total]
-            points = np.stack([rows[:, columns[names.index(axis)]] for axis in "xyz"], -1)
+            points = _table(body, dtype, total)
         elif header["DATA"] == "binary":
             points = _columns(np.frombuffer(body, dtype, total))
         elif header["DATA"] == "binary_compressed":
@@ -80,6 +69,26 @@ def _header(content: bytes, path: Path) -> tuple[dict[str, str], bytes]:
             key, _, value = line.partition(" ")
             header[key] = value.strip()
     return header, content[start:]
+
+
+def _layout(header: dict[str, str]) -> tuple[np.dtype, int]:
+    """What a point's fields are, and how many points there are."""
+    names = header["FIELDS"].split()
+    counts = [int(n) for n in header.get("COUNT", "1 " * len(names)).split()]
+    kinds = [_KINDS[kind] for kind in header["TYPE"].split()]
+    fields = zip(names, kinds, header["SIZE"].split(), counts, strict=True)
+    layout = [
+        (name, f"<{kind}{size}", *([(count,)] if count > 1 else [])) for name, kind, size, count in fields
+    ]
+    return np.dtype(layout), int(header["POINTS"])
+
+
+def _table(body: bytes, dtype: np.dtype, total: int) -> Float[np.ndarray, "m 3"]:
+    """A line for each point, a column for each number."""
+    names = list(dtype.names or ())
+    columns = np.cumsum([0, *(int(np.prod(dtype[name].shape)) for name in names)])
+    rows = np.loadtxt(body.decode("ascii").splitlines(), ndmin=2)[:total]
+    return np.stack([rows[:, columns[names.index(axis)]] for axis in "xyz"], -1)
 
 
 def _columns(table: np.ndarray) -> Float[np.ndarray, "m 3"]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
 from grasptransfer.errors import SettingsError
@@ -58,17 +58,24 @@ def grasp_sheet(
             mesh, gripper, Studio(renderer), scene=scene, camera_from_object=camera_from_object
         )
         pictures = [drawn.draw(grasp) for grasp in grasps]
-    columns = min(columns, len(pictures))
+    sheet = _side_by_side(pictures, [grasp.name for grasp in grasps], min(columns, len(pictures)))
+    buffer = io.BytesIO()
+    sheet.save(buffer, kinds[path.suffix.lower()])
+    write_whole(path, buffer.getvalue())
+    return path
+
+
+def _side_by_side(
+    pictures: Sequence[UInt8[np.ndarray, "h w 3"]], names: Sequence[str], columns: int
+) -> Image.Image:
+    """Pictures in rows, each with its name below."""
     rows = -(-len(pictures) // columns)
     width, height = PICTURE
     size = (columns * (width + GAP) - GAP, rows * (height + LINE + GAP) - GAP)
     sheet = Image.new("RGB", size, GROUND)
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
-    for i, (grasp, picture) in enumerate(zip(grasps, pictures, strict=True)):
+    for i, (name, picture) in enumerate(zip(names, pictures, strict=True)):
         left, top = i % columns * (width + GAP), i // columns * (height + LINE + GAP)
         sheet.paste(Image.fromarray(picture), (left, top))
-        pen.text((left + 8, top + height + 3), grasp.name, INK, font)
-    buffer = io.BytesIO()
-    sheet.save(buffer, kinds[path.suffix.lower()])
-    write_whole(path, buffer.getvalue())
-    return path
+        pen.text((left + 8, top + height + 3), name, INK, font)
+    return sheet
