@@ -81,7 +81,7 @@ class EstimatorSet:
             return _without_depth(self._picture(category))
         if name == "rgbd":
             first = _without_depth(self._picture(category))
-            return RgbdEstimator(category, first, self.renderer, self.refine_pose)
+            return RgbdEstimator(category, first)
         if name == "cls":
             return ClsEstimator(category, refine_pose=self.refine_pose)
         if name == "cpd":

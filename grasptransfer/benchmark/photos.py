@@ -157,7 +157,7 @@ def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: P
     if told.box is not None:
         cases["similarity"] = (SimilarityEstimator(category), told)
         if told.depth is not None:
-            cases["rgbd"] = (RgbdEstimator(category, rgb, rgb.renderer, settings.refine_pose), told)
+            cases["rgbd"] = (RgbdEstimator(category, rgb), told)
             cases["cls"] = (ClsEstimator(category, refine_pose=settings.refine_pose), told)
             cases["cpd"] = (CpdEstimator(category), told)
     row = {

@@ -54,7 +54,7 @@ def make_estimator(
         from grasptransfer.perception.rgbd import RgbdEstimator
 
         first = rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-        return RgbdEstimator(category, first, first.renderer, refine_pose)
+        return RgbdEstimator(category, first)
     if estimator == "cls":
         return baselines.ClsEstimator(category, refine_pose=refine_pose)
     if estimator == "cpd":

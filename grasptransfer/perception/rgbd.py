@@ -1,59 +1,45 @@
 """The RGB-D estimator: what the picture says of shape and pose, and the measured depth on top.
 
-The estimate from RGB, with some doubt, is the prior of latent and pose; each model point that is seen,
-X = R (Z + mean + basis x) + t, should lie on the surface measured at its pixel:
+The estimate from RGB and its joint covariance over turn, shift and latent are the prior. Where a ray
+through a pixel meets the model, X = R (Z + mean + basis x) + t, the surface should have been measured:
 
-    r = n . (X - P),   n the model's normal, P the point measured at X's pixel
+    r = n . (X - P),   n the model's normal, P the point measured at this pixel
 
-Gauss-Newton on turn, shift and latent as in `pose_and_shape`. Depth may be missing or, on glass, that of
-something behind: a loss that lets far residuals go (Geman and McClure), narrowed step by step (Blake and
-Zisserman, Visual Reconstruction, 1987), keeps what fits. Without any depth the answer is that from RGB.
+A measured pixel shows either that surface, or something else: what lies behind glass or before the object,
+at any depth. How likely it is the surface follows from how far r may be off, J S J' + sigma^2, where S is
+what is still believed of pose and latent: depth against the picture's belief is let go, and the more is
+known, the stricter the test. The share of pixels that show something else is estimated with it
+(expectation maximisation; the M-step is a Gauss-Newton step on pose and latent). Missing depth says
+nothing, and without any the answer is that from RGB.
+
+Source: mixtures of surface and outliers as in Myronenko and Song, Point Set Registration: Coherent Point
+Drift, 2010; point-to-plane distances as in Chen and Medioni, Object Modelling by Registration of Multiple
+Range Images, 1992.
 """
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-import trimesh
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from grasptransfer.camera import Camera
 from grasptransfer.category import Category
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.seen_surface import SeenSurface, ShapedModel, see_surface
 
-DEPTH_NOISE = 0.003  # m: of the camera, and of what the shape space cannot express
-INDEPENDENT_POINTS = 60.0  # neighbouring points err together: all count as much as this many
-WIDTHS = (0.04, 0.03, 0.02, 0.014, 0.010, 0.008)  # m: residuals beyond this are let go
-STEPS = 3  # of Gauss-Newton at each width
-HIDDEN = 0.006  # m: a model point this far behind the drawn model is hidden
-LATENT_DOUBT = 6.0  # a picture errs in one way all over: its standard deviations are this much too small
-FEWEST_POINTS = 20  # fewer fitting points say nothing
-
-
-@dataclass(frozen=True)
-class PoseDoubt:
-    """How far the pose refined from RGB may still be wrong: standard deviations.
-
-    Args:
-        rotation: about each axis [rad].
-        aside: across the line of sight, where the picture is sharp [m].
-        along: the line of sight, where size and distance look alike [m].
-    """
-
-    rotation: float = np.deg2rad(1.5)
-    aside: float = 0.004
-    along: float = 0.020
-
-    def precision(self, towards: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6 6"]:
-        """Of turn and shift, for an object in this direction, camera frame."""
-        line = towards / np.linalg.norm(towards)
-        precision = np.eye(6) / self.rotation**2
-        precision[3:, 3:] = np.eye(3) / self.aside**2
-        precision[3:, 3:] += np.outer(line, line) * (self.along**-2 - self.aside**-2)
-        return precision
+# m: an active stereo camera at 0.6 m errs by 1 mm (`depth_sensor`), a shape space by 0.5 to 2 (`measured`
+# in the categories' files). Were it estimated, depth of something else could pass for a coarse surface.
+NOISE = 0.002
+# Both errors go together over neighbouring pixels: the whole visible side counts as this many.
+INDEPENDENT_POINTS = 60.0
+ELSEWHERE = 0.5  # m: depth range over which anything else may lie
+ROUNDS = 8
+BELIEFS = 3  # updates of the outlier share in each round
+SETTLED = 0.05  # RMS step, in standard deviations of the prior
+FEWEST_POINTS = 20  # measured pixels; fewer say nothing
 
 
 @dataclass(frozen=True)
@@ -61,178 +47,128 @@ class RgbdEstimator:
     """From RGB, depth where it is given, and an approximate pose to the shape.
 
     Args:
-        rgb: gives the first estimate, with a latent and its covariance.
-        renderer: for what the model would look like.
-        refine_pose: fit the pose together with the shape.
-        pose_doubt: how wrong the pose of the first estimate may be.
+        rgb: gives the first estimate, with a latent and its joint covariance; a pose that this takes as
+            told stays as told.
     """
 
     category: Category
     rgb: Estimator
-    renderer: Renderer
-    refine_pose: bool = True
-    pose_doubt: PoseDoubt = PoseDoubt()
 
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate from RGB, then correct latent and pose by the measured depth."""
         estimate = self.rgb(replace(observation, depth=None))
-        if observation.depth is None or estimate.latent is None or estimate.latent_covariance is None:
+        if observation.depth is None or estimate.latent is None or estimate.covariance is None:
             return estimate
         start = time.perf_counter()
         fused = self._fuse(estimate, observation)
         return replace(fused, timings=fused.timings | {"depth": time.perf_counter() - start})
 
+    @cached_property
+    def _model(self) -> ShapedModel:
+        return ShapedModel(self.category)
+
     def _fuse(self, estimate: ShapeEstimate, observation: Observation) -> ShapeEstimate:
-        space = self.category.shape_space
-        assert estimate.latent is not None
-        model = _Model(space.control_points, *space.displacement_model(space.control_points))
-        fit = _Fit(model, estimate, self.pose_doubt if self.refine_pose else None)
-        measured = _measured(observation, estimate.mask)
-        for width in WIDTHS:
-            drawn = self._draw(fit, observation)
-            visible = fit.visible(drawn, observation.camera)
-            for _ in range(STEPS):
-                if not fit.step(drawn, visible, measured, observation.camera, width):
-                    return estimate
+        fit = _Fit(estimate)
+        depth = _on_object(observation, estimate.mask)
+        for _ in range(ROUNDS):
+            seen = see_surface(self._model, fit.latent, observation.camera, fit.pose)
+            measured = seen.where(seen.sampled(depth) > 0)
+            if len(measured.pixels) < FEWEST_POINTS:
+                return estimate
+            rays = observation.camera.unproject(measured.pixels.astype(float), np.ones(len(measured.pixels)))
+            gap = measured.sampled(depth) - measured.depth(fit.pose)
+            if fit.step(measured, rays, gap, len(seen.pixels)) < SETTLED:
+                break
         return replace(
             estimate,
-            field=space.field(fit.latent),
+            field=self.category.shape_space.field(fit.latent),
             camera_from_object=fit.pose,
             latent=fit.latent,
-            covariance=fit.covariance,
+            covariance=fit.joint_covariance,
         )
-
-    def _draw(self, fit: "_Fit", observation: Observation) -> "_Drawn":
-        canonical = self.category.canonical
-        vertices = self.category.shape_space.field(fit.latent)(np.asarray(canonical.vertices))
-        mesh = trimesh.Trimesh(vertices, canonical.faces, process=False)
-        depth = self.renderer.depth(mesh, observation.camera, fit.pose).astype(float)
-        points = _unproject(observation, depth)
-        normals = np.cross(*reversed(np.gradient(points, axis=(0, 1))))
-        length = np.linalg.norm(normals, axis=-1, keepdims=True)
-        return _Drawn(depth, normals / np.maximum(length, 1e-12))
-
-
-@dataclass(frozen=True)
-class _Model:
-    """Canonical surface points and how the latent moves them [m]."""
-
-    points: Float[np.ndarray, "n 3"]
-    mean: Float[np.ndarray, "n 3"]
-    basis: Float[np.ndarray, "n 3 k"]
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """The model as it would be seen: depth [m] and unit normals, camera frame."""
-
-    depth: Float[np.ndarray, "h w"]
-    normals: Float[np.ndarray, "h w 3"]
 
 
 class _Fit:
-    """Pose and latent, and the Gauss-Newton steps on them."""
+    """Pose and latent, what is believed of them, and the steps that fit them to depth."""
 
-    def __init__(self, model: _Model, estimate: ShapeEstimate, pose_doubt: PoseDoubt | None):
+    def __init__(self, estimate: ShapeEstimate):
         assert estimate.latent is not None
-        assert estimate.latent_covariance is not None
-        self.model, self._prior_pose = model, estimate.camera_from_object
-        self.pose, self.latent = self._prior_pose.copy(), estimate.latent.copy()
-        size = 6 + len(self.latent)
-        self._free = slice(0, None) if pose_doubt is not None else slice(6, None)
-        self._precision = np.zeros((size, size))
-        self._precision[6:, 6:], self._prior_latent = _doubted(estimate.latent, estimate.latent_covariance)
-        if pose_doubt is not None:
-            self._precision[:6, :6] = pose_doubt.precision(self._prior_pose[:3, 3])
-        self.covariance = np.zeros((size, size))
+        assert estimate.covariance is not None
+        self._prior = estimate
+        self.pose, self.latent = estimate.camera_from_object.copy(), estimate.latent.copy()
+        self._free = np.flatnonzero(np.diag(estimate.covariance) > 0)
+        self._covariance = estimate.covariance[np.ix_(self._free, self._free)]
+        self._precision = np.linalg.inv(self._covariance)
+        self._astray = 0.5
 
-    def visible(self, drawn: _Drawn, camera: Camera) -> Int[np.ndarray, "s"]:
-        """Indices of the model points that are seen where the model is drawn."""
-        seen = self._shaped() @ self.pose[:3, :3].T + self.pose[:3, 3]
-        columns, rows, inside = _pixels(seen, camera)
-        depth = drawn.depth[rows, columns]
-        return np.flatnonzero(inside & (depth > 0) & (np.abs(seen[:, 2] - depth) < HIDDEN))
+    @property
+    def joint_covariance(self) -> Float[np.ndarray, "s s"]:
+        """Over turn, shift and latent; 0 where the pose was taken as told."""
+        joint = np.zeros((6 + len(self.latent),) * 2)
+        joint[np.ix_(self._free, self._free)] = self._covariance
+        return joint
 
     def step(
         self,
-        drawn: _Drawn,
-        visible: Int[np.ndarray, "s"],
-        measured: Float[np.ndarray, "h w"],
-        camera: Camera,
-        width: float,
-    ) -> bool:
-        """One step; False where too little of the depth fits."""
-        turned = self._shaped()[visible] @ self.pose[:3, :3].T
-        columns, rows, inside = _pixels(turned + self.pose[:3, 3], camera)
-        kept = inside & (measured[rows, columns] > 0) & (drawn.depth[rows, columns] > 0)
-        turned, columns, rows, basis = (
-            turned[kept],
-            columns[kept],
-            rows[kept],
-            self.model.basis[visible][kept],
-        )
-        pixels = np.stack([columns, rows], -1).astype(float)
-        normals = drawn.normals[rows, columns]
-        away = turned + self.pose[:3, 3] - camera.unproject(pixels, measured[rows, columns])
-        residual = (away * normals).sum(1)
-        fitting = 1 / np.square(1 + np.square(residual / width))
-        if fitting.sum() < FEWEST_POINTS:
-            return False
-        by_turn = np.cross(turned, normals)  # n . (w x p) = w . (p x n)
-        by_latent = np.einsum("pi,ij,pjk->pk", normals, self.pose[:3, :3], basis)
-        weight = fitting / DEPTH_NOISE**2 * min(1.0, INDEPENDENT_POINTS / fitting.sum())
-        self._advance(np.concatenate([by_turn, normals, by_latent], axis=1), weight, residual)
-        return True
+        seen: SeenSurface,
+        rays: Float[np.ndarray, "p 3"],
+        gap: Float[np.ndarray, "p"],
+        visible: int,
+    ) -> float:
+        """One round; returns the step's length in the prior's standard deviations.
 
-    def _shaped(self) -> Float[np.ndarray, "n 3"]:
-        return self.model.points + self.model.mean + self.model.basis @ self.latent
+        Args:
+            rays: through their pixels, 1 m deep.
+            gap: how far behind the model's surface depth was measured [m].
+            visible: how many points of the model are seen, measured or not.
+        """
+        turned, normals = seen.points_object @ self.pose[:3, :3].T, seen.normals_object @ self.pose[:3, :3].T
+        moved = np.einsum("pi,ij,pjk->pk", normals, self.pose[:3, :3], seen.by_latent)
+        # n . (w x p) = w . (p x n)
+        jacobian = np.concatenate([np.cross(turned, normals), normals, moved], axis=1)[:, self._free]
+        facing = -(normals * rays).sum(1)
+        residual = facing * gap
+        share = min(1.0, INDEPENDENT_POINTS / visible)
+        weight = share * self._own_surface(jacobian, facing, gap, share)
+        drift = self._drift()[self._free]
+        rows = jacobian * (weight / NOISE**2)[:, None]
+        self._covariance = np.linalg.inv(rows.T @ jacobian + self._precision)
+        step = -self._covariance @ (rows.T @ residual + self._precision @ drift)
+        self._move(step)
+        return float(np.sqrt(step @ self._precision @ step / len(step)))
 
-    def _advance(self, jacobian, weight, residual):
-        drift = np.concatenate(
-            [
-                Rotation.from_matrix(self.pose[:3, :3] @ self._prior_pose[:3, :3].T).as_rotvec(),
-                self.pose[:3, 3] - self._prior_pose[:3, 3],
-                self.latent - self._prior_latent,
-            ]
-        )
-        rows = jacobian * weight[:, None]
-        free = self._free
-        hessian = (rows.T @ jacobian + self._precision)[free, free]
-        self.covariance[free, free] = np.linalg.inv(hessian)
-        step = np.zeros(len(drift))
-        step[free] = -self.covariance[free, free] @ (rows.T @ residual + self._precision @ drift)[free]
+    def _own_surface(self, jacobian, facing, gap, share: float) -> Float[np.ndarray, "p"]:
+        """How likely each measured depth is that of the model's surface; estimates the others' share."""
+        deviation = np.sqrt(NOISE**2 + self._doubt(jacobian)) / np.maximum(facing, 1e-3)
+        density = np.exp(-0.5 * np.square(gap / deviation)) / (np.sqrt(2 * np.pi) * deviation)
+        own = np.zeros(len(gap))
+        for _ in range(BELIEFS):
+            surface, other = (1 - self._astray) * density, self._astray / ELSEWHERE
+            own = surface / (surface + other)
+            self._astray = (1 + share * (1 - own).sum()) / (2 + share * len(own))  # all shares alike before
+        return own
+
+    def _doubt(self, jacobian) -> Float[np.ndarray, "p"]:
+        """Variance of the residuals from what is not known of pose and latent [m^2]."""
+        return np.einsum("pi,ij,pj->p", jacobian, self._covariance, jacobian)
+
+    def _drift(self) -> Float[np.ndarray, "s"]:
+        """How far pose and latent have gone from the prior's."""
+        told = self._prior.camera_from_object
+        turn = Rotation.from_matrix(self.pose[:3, :3] @ told[:3, :3].T).as_rotvec()
+        return np.concatenate([turn, self.pose[:3, 3] - told[:3, 3], self.latent - self._prior.latent])
+
+    def _move(self, free_step: Float[np.ndarray, "f"]):
+        step = np.zeros(6 + len(self.latent))
+        step[self._free] = free_step
         self.pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ self.pose[:3, :3]
         self.pose[:3, 3] += step[3:6]
         self.latent = self.latent + step[6:]
 
 
-def _doubted(
-    latent: Float[np.ndarray, "k"], covariance: Float[np.ndarray, "k k"]
-) -> tuple[Float[np.ndarray, "k k"], Float[np.ndarray, "k"]]:
-    """Precision and mean of the latent with the picture believed less, and the prior x ~ N(0, I) as ever."""
-    known = np.linalg.inv(covariance)
-    prior = np.eye(len(latent))
-    precision = prior + (known - prior) / LATENT_DOUBT**2
-    return precision, np.linalg.solve(precision, known @ latent / LATENT_DOUBT**2)
-
-
-def _pixels(
-    seen: Float[np.ndarray, "n 3"], camera: Camera
-) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-    """Columns and rows of points in the camera's frame, and which lie in the picture."""
-    columns, rows = np.round(camera.project(seen)).astype(int).T
-    inside = (columns >= 0) & (rows >= 0) & (columns < camera.width) & (rows < camera.height)
-    return np.where(inside, columns, 0), np.where(inside, rows, 0), inside
-
-
-def _measured(observation: Observation, predicted: np.ndarray | None) -> Float[np.ndarray, "h w"]:
+def _on_object(observation: Observation, predicted: np.ndarray | None) -> Float[np.ndarray, "h w"]:
     """Depth on the object: within the told mask, or else the predicted one [m]."""
     assert observation.depth is not None
     mask = predicted if observation.mask is None else observation.mask
     depth = np.asarray(observation.depth, float)
     return depth if mask is None else np.where(mask, depth, 0.0)
-
-
-def _unproject(observation: Observation, depth: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w 3"]:
-    v, u = np.mgrid[0 : depth.shape[0], 0 : depth.shape[1]]
-    return observation.camera.unproject(np.stack([u, v], -1).astype(float), depth)
