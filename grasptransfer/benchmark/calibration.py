@@ -28,7 +28,7 @@ from grasptransfer.grasping.ranking import (
 )
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
-from grasptransfer.perception.scenes import PoseNoise
+from grasptransfer.perception.scenes import NO_NOISE, PoseNoise
 from grasptransfer.registration import DeformationField
 from grasptransfer.simulation import simulate
 from grasptransfer.transfer import GraspTransfer
@@ -48,7 +48,8 @@ class CalibrationSettings:
         objects: random shapes of each category.
         views: of each object, spread over the paper's 74.
         gripper, protocol: of the execution.
-        translation_noise, rotation_noise: of the told pose [m, rad].
+        translation_noise, rotation_noise: of the told pose [m, rad], in every other view: one set of weights
+            has to serve exact and wrong poses.
         seed: of lights, backgrounds, pose errors and trials.
     """
 
@@ -102,10 +103,10 @@ def fit_weights(executed: list[Executed]) -> Weights:
 
     start = Ranking().weights
     held = np.array([grasp.held for grasp in executed])
+    features = np.stack([grasp.features for grasp in executed])
 
     def loss(weights):
-        chance = np.array([expected_success(grasp.features, weights) for grasp in executed])
-        chance = np.clip(chance, 1e-3, 1 - 1e-3)
+        chance = np.clip(expected_success(features, weights), 1e-3, 1 - 1e-3)
         likelihood = np.where(held, np.log(chance), np.log(1 - chance)).mean()
         return -likelihood + RIDGE * np.square((weights - start) / np.abs(start)).mean()
 
@@ -136,12 +137,15 @@ def _execute_on(settings: CalibrationSettings, name: str, number: int) -> list[E
     shape = shapes.sample(name, FIRST_SEED + number)
     still = DeformationField.identity(category.shape_space.control_points)
     instance = Instance(category, f"random {number}", shape.scene(), still)
-    noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
+    noises = (NO_NOISE, PoseNoise(settings.translation_noise, settings.rotation_noise))
     executed: list[Executed] = []
     with Renderer() as renderer:
-        estimator = RgbEstimator(category, renderer=renderer, refine_pose=settings.translation_noise > 0)
-        flow = GraspTransfer(category, gripper=gripper, estimator=estimator)
+        flows = []
+        for noise in noises:
+            estimator = RgbEstimator(category, renderer=renderer, refine_pose=noise.translation > 0)
+            flows.append(GraspTransfer(category, gripper=gripper, estimator=estimator))
         for view in range(settings.views):
+            flow, noise = flows[view % 2], noises[view % 2]
             observation, pose = observe_instance(
                 instance,
                 view + settings.views * number,

@@ -78,7 +78,7 @@ def rank_grasps(
     weights = (settings or Ranking()).weights
     features = grasp_features(grasps, checks, gripper, plausible=plausible)
     return tuple(
-        expected_success(each, weights) if check.usable else 0.0
+        float(expected_success(each, weights)) if check.usable else 0.0
         for each, check in zip(features, checks, strict=True)
     )
 
@@ -100,10 +100,12 @@ def grasp_features(
     ]
 
 
-def expected_success(features: Features, weights: Weights) -> float:
+def expected_success(
+    features: Float[np.ndarray, "*g s 5"], weights: Weights
+) -> Float[np.ndarray, "*g"] | np.floating:
     """Mean chance of holding over the draws; a draw in which a pad meets nothing has none."""
     chance = 1 / (1 + np.exp(-(weights[0] + features @ weights[1:])))
-    return float(np.nan_to_num(chance, nan=0.0).mean())
+    return np.nan_to_num(chance, nan=0.0).mean(axis=-1)
 
 
 def doubt_unlikely(

@@ -58,6 +58,8 @@ def calibration(
 ) -> int:
     """Whether a grasp's score is its chance to hold; prints the ranking's weights that make it so.
 
+    Every other view of an object has the pose error, where one is given.
+
     Args:
         objects: random shapes of each category.
         seed: of lights, backgrounds, pose errors and trials.

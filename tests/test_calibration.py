@@ -1,0 +1,45 @@
+"""The fit of the ranking's weights to executed grasps, and how far scores are from shares."""
+
+import numpy as np
+import pytest
+
+from grasptransfer.benchmark.calibration import Executed, calibration_error, fit_weights, reliability
+from grasptransfer.grasping.ranking import FEATURES, Ranking, expected_success
+
+OFFSET = FEATURES.index("offset")
+
+
+def executed(chance, count=300, seed=0):
+    """Grasps alike but for their offset, held with `chance(offset)`."""
+    rng = np.random.default_rng(seed)
+    grasps = []
+    for offset in rng.uniform(0, 15, count):
+        features = np.tile([3.0, 0.9, 1.0, 0.5, 0.0], (4, 1))
+        features[:, OFFSET] = offset
+        grasps.append(Executed(features, bool(rng.random() < chance(offset))))
+    return grasps
+
+
+@pytest.mark.parametrize("middle", [4.0, 10.0])
+def test_the_fitted_score_is_the_chance_that_what_was_executed_shows(middle):
+    grasps = executed(lambda offset: 1 / (1 + np.exp(offset - middle)))
+    weights = fit_weights(grasps)
+    features = grasps[0].features.copy()
+    for offset, chance in ((middle - 3, 0.95), (middle, 0.5), (middle + 3, 0.05)):
+        features[:, OFFSET] = offset
+        assert expected_success(features, weights) == pytest.approx(chance, abs=0.12)
+
+
+def test_a_draw_without_contact_counts_as_lost():
+    features = np.tile([3.0, 1.0, 1.0, 0.0, 0.0], (4, 1))
+    whole = expected_success(features, Ranking().weights)
+    features[0] = np.nan
+    assert expected_success(features, Ranking().weights) == pytest.approx(whole * 3 / 4)
+
+
+def test_scores_that_are_shares_have_no_calibration_error():
+    scores = [(0.75, held) for held in (True, True, True, False)] + [(0.5, True), (0.5, False)]
+    rows = reliability(scores, "present")
+    assert calibration_error(rows, "present") == pytest.approx(0)
+    assert sum(row["grasps"] for row in rows) == len(scores)
+    assert calibration_error(reliability([(0.9, False)], "x"), "x") == pytest.approx(0.9)
