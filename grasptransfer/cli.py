@@ -71,13 +71,7 @@ def train(
     from grasptransfer.perception.model_card import default_output
     from grasptransfer.perception.training import TrainingConfig
 
-    counts = {"samples": samples, "steps": steps, "batch": batch, "echo": echo, "workers": workers}
     names = tuple(load_category(name).name for name in categories or list_categories())
-    output = output or default_output(names)
-    _check_choices(names, network, loss)
-    _check_numbers(counts, learning_rate)
-    _check_places(run, output)
-    check_device(device)
     config = TrainingConfig(
         names,
         network,
@@ -89,6 +83,11 @@ def train(
         learning_rate=learning_rate,
         seed=seed,
     )
+    output = output or default_output(names)
+    _check_choices(config)
+    _check_numbers(config, workers)
+    _check_places(run, output)
+    check_device(device)
     _train_with_progress(config, output, run, device, workers)
     return 0
 
@@ -127,24 +126,27 @@ def _train_with_progress(
     console.print(f"Weights: {output}\nModel card: {card}\n{scores}", soft_wrap=True)
 
 
-def _check_choices(categories: tuple[str, ...], network: str, loss: str) -> None:
+def _check_choices(config: "TrainingConfig") -> None:
     """Refuse, as the two checks below do, what would fail only after an hour of rendering."""
     from grasptransfer.perception.losses import LOSSES
     from grasptransfer.perception.networks import network_names
 
-    if len(set(categories)) < len(categories):
-        raise SettingsError("names one category twice", key="categories", value=categories)
-    for key, value, choices in (("network", network, network_names()), ("loss", loss, LOSSES)):
+    names = config.categories
+    if len(set(names)) < len(names):
+        raise SettingsError("names one category twice", key="categories", value=names)
+    for key, choices in (("network", network_names()), ("loss", LOSSES)):
+        value = getattr(config, key)
         if value not in choices:
             raise SettingsError(f"unknown {key}", key=key, value=value, choices=choices)
 
 
-def _check_numbers(counts: dict[str, int], learning_rate: float) -> None:
-    for key, value in counts.items():
+def _check_numbers(config: "TrainingConfig", workers: int) -> None:
+    counts = {key: getattr(config, key) for key in ("samples", "steps", "batch", "echo")}
+    for key, value in {**counts, "workers": workers}.items():
         if value < 1:
             raise SettingsError("must be at least 1", key=key, value=value)
-    if not 0 < learning_rate < math.inf:
-        raise SettingsError("must be above 0", key="learning_rate", value=learning_rate)
+    if not 0 < config.learning_rate < math.inf:
+        raise SettingsError("must be above 0", key="learning_rate", value=config.learning_rate)
 
 
 def _check_places(run: Path, output: Path) -> None:
