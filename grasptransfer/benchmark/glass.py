@@ -25,9 +25,10 @@ from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.scenes import PoseNoise
 
 WALL = (0.05, 0.40)  # m behind the object
-USE_DEPTH = ("cls", "cpd", "rgbd")
+USE_DEPTH = ("cls", "cpd")
 GATE = 1.5  # times the canonical model's radius
 RIGHT = 0.01  # m: nearer to the truth a depth counts as measured
 
@@ -42,9 +43,10 @@ class GlassSettings:
         seed: of lights, backgrounds, walls and the sensor.
         sensor: the depth camera.
         gate: leave out depth that cannot be the object's, too far from the told position: what a careful
-            user of CPD and CLS does.
+            user of CPD and CLS does. rgbd has to see for itself.
         methods: estimators; those that use depth are measured on true and on sensed depth.
         weights: file for `rgb`; None takes the shipped ones.
+        pose_noise: error of the told pose, which rgb, rgbd and cls then refine; None tells the true one.
     """
 
     categories: tuple[str, ...]
@@ -54,6 +56,7 @@ class GlassSettings:
     gate: bool = True
     methods: tuple[str, ...] = ("rgb", "rgbd", "cls", "cpd")
     weights: Path | None = None
+    pose_noise: PoseNoise | None = None
 
 
 def run_glass_benchmark(
@@ -98,16 +101,22 @@ def measure_glass(settings: GlassSettings, category: str, name: str) -> dict:
     scores: dict[str, MethodScores] = defaultdict(MethodScores)
     shares: dict[str, list[float]] = defaultdict(list)
     with Renderer() as renderer:
-        kit = EstimatorSet(renderer, refine_pose=False, weights=settings.weights)
+        kit = EstimatorSet(renderer, refine_pose=settings.pose_noise is not None, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
         for view in range(settings.views):
-            sight = see_instance(instance, view, views=settings.views, renderer=renderer, seed=settings.seed)
+            sight = see_instance(
+                instance,
+                view,
+                views=settings.views,
+                renderer=renderer,
+                noise=settings.pose_noise,
+                seed=settings.seed,
+            )
             sensed = sense(sight, settings, view)
-            if settings.gate:
-                sensed = _gated(sensed, instance.category)
-            for key, value in _shares(sight, sensed).items():
+            gated = _gated(sensed, instance.category) if settings.gate else sensed
+            for key, value in _shares(sight, gated).items():
                 shares[key].append(value)
-            for key, (method, observation) in _cases(settings, sight.observation, sensed).items():
+            for key, (method, observation) in _cases(settings, sight.observation, sensed, gated).items():
                 try:
                     estimate = estimators[method](observation)
                 except GraspTransferError:  # too little was measured to answer
@@ -153,13 +162,16 @@ def _gated(sensed: Observation, category: Category) -> Observation:
 
 
 def _cases(
-    settings: GlassSettings, exact: Observation, sensed: Observation
+    settings: GlassSettings, exact: Observation, sensed: Observation, gated: Observation
 ) -> dict[str, tuple[str, Observation]]:
-    """Name of each case, its estimator and what that sees."""
+    """Name of each case, its estimator and what that sees; the exact mask is for cls and cpd alone."""
     cases = {}
     for method in settings.methods:
-        if method in USE_DEPTH:
-            cases |= {f"{method}_true_depth": (method, exact), f"{method}_sensor": (method, sensed)}
+        if method == "rgbd":
+            cases["rgbd_true_depth"] = (method, replace(exact, mask=None))
+            cases["rgbd_sensor"] = (method, replace(sensed, mask=None))
+        elif method in USE_DEPTH:
+            cases |= {f"{method}_true_depth": (method, exact), f"{method}_sensor": (method, gated)}
         else:
             cases[method] = (method, exact)
     return cases
@@ -189,6 +201,8 @@ def summarise_glass(rows: list[dict]) -> dict:
     for case in cases:
         summary[f"E_{case}_mean"] = float(np.mean([row[case]["mean"] for row in rows]))
         summary[f"E_{case}_std_mean"] = float(np.mean([row[case]["std"] for row in rows]))
+        # The same where the estimated pose puts it: differs where the told pose was wrong.
+        summary[f"E_{case}_placed_mean"] = float(np.mean([row[case]["placed_mean"] for row in rows]))
         failed = sum(row[case]["failed"] for row in rows)
         if failed:
             summary[f"{case}_views_without_answer"] = failed

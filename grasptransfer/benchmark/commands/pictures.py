@@ -122,6 +122,8 @@ def glass(
     views: Views = 20,
     through: float = 0.5,
     gate: bool = True,
+    translation: Translation = 0.0,
+    rotation: Rotation = 0.0,
     weights: Weights = None,
     workers: Workers = 2,
     seed: int = 0,
@@ -131,13 +133,16 @@ def glass(
     Args:
         categories: names; instances without see-through parts are left out.
         through: share of the unmeasured glass where the camera reports what lies behind, not a hole.
-        gate: leave out depth that is too far from the told position to be the object's.
-        seed: of lights, backgrounds and the camera's noise.
+        gate: leave out depth that is too far from the told position to be the object's, for cls and cpd.
+        seed: of lights, backgrounds, pose errors and the camera's noise.
     """
     from grasptransfer.benchmark.glass import GlassSettings, run_glass_benchmark
     from grasptransfer.perception.depth_sensor import DepthSensor
+    from grasptransfer.perception.scenes import PoseNoise
 
-    settings = GlassSettings(categories, views, seed, DepthSensor(through=through), gate, weights=weights)
+    sensor = DepthSensor(through=through)
+    noise = PoseNoise(translation, math.radians(rotation)) if translation or rotation else None
+    settings = GlassSettings(categories, views, seed, sensor, gate, weights=weights, pose_noise=noise)
     return run(partial(run_glass_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
 
 
