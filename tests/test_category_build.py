@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 import trimesh
-from vases import SMALL, vase, write_vases
+from vases import build_vases, vase, write_vases
 
 from grasptransfer.category import check_category
 from grasptransfer.category.build import build_category
@@ -23,16 +23,12 @@ STRAIGHT = np.eye(3)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Four train instances in as many formats, one of them a cloud, and one test instance."""
-    folder = tmp_path_factory.mktemp("vases")
-    write_vases(folder)
-    return folder
+    return write_vases(tmp_path_factory.mktemp("vases"))
 
 
 @pytest.fixture(scope="module")
 def built(folder, tmp_path_factory):
-    return build_category(
-        "vase", meshes=folder, test=["e"], out=tmp_path_factory.mktemp("built") / "vase", **SMALL
-    )
+    return build_vases(folder, tmp_path_factory.mktemp("built") / "vase")
 
 
 def test_a_built_category_is_sound_but_for_grasps(built):

@@ -7,16 +7,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from vases import SMALL, write_vases
-
-from grasptransfer.category.build import build_category
+from vases import build_vases, write_vases
 
 # Killed as a machine would: no clean-up of its own. `write` is killed with the older folder in its hands.
 KILLED = """
 import os, signal, sys
 from grasptransfer.category import assemble
-from grasptransfer.category.build import build_category
-from vases import SMALL
+from vases import build_vases
 
 def die(*_):
     os.kill(os.getpid(), signal.SIGKILL)
@@ -31,21 +28,18 @@ if __name__ == "__main__":
         assemble._put_in_place = between
     progress = lambda state: die() if state.step == step == "register" and state.done == 2 else None
     given = {"finish": die} if step == "page" else {"progress": progress, "overwrite": True}
-    build_category("vase", meshes=meshes, test=["e"], out=out, **given, **SMALL)
+    build_vases(meshes, out, **given)
 """
 
 
 @pytest.fixture(scope="module")
 def meshes(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("vases")
-    write_vases(folder)
-    return folder
+    return write_vases(tmp_path_factory.mktemp("vases"))
 
 
 @pytest.fixture(scope="module")
 def undisturbed(meshes, tmp_path_factory):
-    out = tmp_path_factory.mktemp("undisturbed") / "vase"
-    return build_category("vase", meshes=meshes, test=["e"], out=out, **SMALL).category.folder
+    return build_vases(meshes, tmp_path_factory.mktemp("undisturbed") / "vase").category.folder
 
 
 def run_until_killed(meshes: Path, out: Path, step: str) -> None:
@@ -68,7 +62,7 @@ def test_a_build_killed_half_way_resumes_and_gives_the_same_bytes(meshes, undist
     run_until_killed(meshes, out, "register")
     assert not out.exists()
     seen = []
-    build_category("vase", meshes=meshes, test=["e"], out=out, progress=seen.append, **SMALL)
+    build_vases(meshes, out, progress=seen.append)
     first = {step: next(one for one in seen if one.step == step) for step in ("check", "register")}
     assert first["check"].done == 5
     assert first["register"].done >= 2
@@ -82,7 +76,7 @@ def test_a_build_killed_while_it_replaces_a_category_loses_neither(meshes, undis
     (out / "grasps.yaml").write_text("grasps: mine\n")
     run_until_killed(meshes, out, "write")
     assert not out.exists()
-    build_category("vase", meshes=meshes, test=["e"], out=out, **SMALL)
+    build_vases(meshes, out)
     assert contents(out) == {**contents(undisturbed), "grasps.yaml": b"grasps: mine\n"}
     assert [path.name for path in out.parent.iterdir()] == ["vase"]
 
@@ -92,7 +86,7 @@ def test_a_build_killed_while_its_page_is_drawn_can_be_finished(meshes, undistur
     run_until_killed(meshes, out, "page")
     assert contents(out) == contents(undisturbed)
     drawn = []
-    build_category("vase", meshes=meshes, test=["e"], out=out, finish=drawn.append, **SMALL)
+    build_vases(meshes, out, finish=drawn.append)
     assert len(drawn) == 1
     assert contents(out) == contents(undisturbed)
     assert [path.name for path in out.parent.iterdir()] == ["vase"]

@@ -1,9 +1,12 @@
-"""Small meshes to build categories from."""
+"""Small meshes, and the category that is built from them."""
 
 from pathlib import Path
 
 import numpy as np
 import trimesh
+
+from grasptransfer.category.build import build_category
+from grasptransfer.category.outcome import CategoryBuild
 
 SMALL = {"control_points": 80, "workers": 1, "beta": 1.0, "lam": 1.0, "modes": 2, "flexibility": 0.0}
 
@@ -24,11 +27,17 @@ def cloud(height: float, width: float, count: int = 600) -> np.ndarray:
     return np.asarray(trimesh.sample.sample_surface(vase(height, width), count, seed=0)[0])
 
 
-def write_vases(folder: Path) -> None:
-    """Four instances in as many formats, one of them a cloud, and a fifth."""
+def write_vases(folder: Path) -> Path:
+    """Four instances in as many formats, one of them a cloud, and a fifth; their folder."""
     vase(0.10, 0.050).export(folder / "a.obj")
     vase(0.12, 0.055).export(folder / "b.stl")
     (folder / "c").mkdir()
     vase(0.14, 0.050).export(folder / "c" / "mesh.glb")
     np.savetxt(folder / "d.xyz", cloud(0.13, 0.060))
     vase(0.125, 0.052).export(folder / "e.off")
+    return folder
+
+
+def build_vases(meshes: Path, out: Path, **options) -> CategoryBuild:
+    """The category of `write_vases`, its settings given; the fifth instance is for the test."""
+    return build_category("vase", meshes=meshes, test=["e"], out=out, **SMALL, **options)
