@@ -96,12 +96,12 @@ def test_another_object_is_refused(estimator, renderer):
     assert estimate.status is EstimateStatus.OUT_OF_CATEGORY
 
 
-def test_a_pose_behind_the_camera_is_refused(estimator, seen):
-    observation = seen
-    pose = observation.camera_from_object.copy()
-    pose[:3, 3] = [0, 0, -1.0]
-    with pytest.raises(PoseError):
-        estimator(replace(observation, camera_from_object=pose))
+@pytest.mark.parametrize("distance", [-1.0, 0.04])
+def test_a_model_behind_the_camera_or_around_it_is_refused(estimator, seen, distance):
+    pose = seen.camera_from_object.copy()
+    pose[:3, 3] = [0, 0, distance]
+    with pytest.raises(PoseError, match="nearest point"):
+        estimator(replace(seen, camera_from_object=pose))
 
 
 def test_weights_of_another_canonical_model_are_refused(tmp_path, renderer):

@@ -77,3 +77,10 @@ def test_a_larger_mask_makes_the_model_grow_to_it():
     grown = 0.05 * (1 + 0.1 * fit.latent[0])
     # The mask's cells are 4 px or 2.5 mm wide; their border is interpolated to a fraction of that.
     assert abs(grown - wanted) < 0.0015
+
+
+def test_a_mask_of_one_faint_cell_has_no_border():
+    probability = np.zeros((48, 64), np.float32)
+    probability[20, 30] = 0.55
+    assert not Silhouette(probability, CAMERA, _draw_ball).usable
+    assert Silhouette(_disc(50.0), CAMERA, _draw_ball).usable

@@ -94,16 +94,17 @@ def _look_at_objects(name: str, weights: Path, pictures: int, rng: np.random.Gen
     with Renderer() as renderer:
         estimator = RgbEstimator(category, renderer=renderer, weights=weights, refine_pose=False)
         estimator.confidence = replace(estimator.confidence, overconfidence=1.0)
+        reach = _reach(category.canonical.bounds)
         for _ in range(pictures):
             shape = draw_training_shape(name, rng)
-            estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng))
+            estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng, reach))
             assert estimate.latent is not None
             assert estimate.latent_covariance is not None
             known = len(shape.latent)
             deviations = np.sqrt(np.diag(estimate.latent_covariance))[:known]
             yield Seen(True, evidence, (estimate.latent[:known] - shape.latent) / deviations)
         for stranger in _strangers(name, pictures, rng):
-            yield Seen(False, estimator.assess(_picture_of(stranger, renderer, rng))[1])
+            yield Seen(False, estimator.assess(_picture_of(stranger, renderer, rng, reach))[1])
 
 
 def _strangers(name: str, count: int, rng: np.random.Generator) -> Iterator[trimesh.Scene]:
@@ -116,10 +117,18 @@ def _strangers(name: str, count: int, rng: np.random.Generator) -> Iterator[trim
             yield shapes.sample(others[index // 2 % len(others)], int(rng.integers(2**31))).scene()
 
 
-def _picture_of(scene, renderer: Renderer, rng: np.random.Generator) -> Observation:
-    """A random picture with the true pose and no box; sometimes something stands before the object."""
-    bounds = np.asarray(scene.bounds)
-    radius = float(np.linalg.norm(np.abs(bounds).max(0)))
+def _reach(bounds) -> float:
+    """How far from the origin the farthest corner of a bounding box may lie [m]."""
+    return float(np.linalg.norm(np.abs(bounds).max(0)))
+
+
+def _picture_of(scene, renderer: Renderer, rng: np.random.Generator, reach: float) -> Observation:
+    """A random picture with the true pose and no box; sometimes something stands before the object.
+
+    Args:
+        reach: of the category's model, which has to lie before the camera, too [m].
+    """
+    radius = max(_reach(scene.bounds), reach)
     camera = draw_camera(rng)
     pose = draw_pose(camera, radius, rng)
     picture = renderer.render(scene, camera, pose, lighting=draw_lighting(rng))

@@ -14,6 +14,7 @@ from PIL import Image
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
 from grasptransfer.errors import PoseError, WeightsError
+from grasptransfer.frames import transform_points
 from grasptransfer.perception.augmentation import network_input
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.confidence import Evidence, evidence
@@ -53,6 +54,7 @@ LOOKS = 2
 LATENT_OVERCONFIDENCE = 1.6
 ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
+NEAREST = 0.03  # m before the camera: a model that comes nearer, or lies behind it, fills no picture
 ACCEPTED_SCORE = 0.5
 
 
@@ -184,6 +186,13 @@ class RgbEstimator:
     ) -> Look:
         """Zoom on the object and let the network compare it with the model at this pose, with this latent."""
         vertices = self._shaped(latent)
+        nearest = transform_points(camera_from_object, vertices)[:, 2].min()
+        if nearest < NEAREST:
+            raise PoseError(
+                f"brings the model nearer to the camera than {NEAREST} m, or behind it",
+                key="pose",
+                value=f"depth of its nearest point {nearest:.3f} m",
+            )
         model_box = projected_box(vertices, observation.camera, camera_from_object)
         crop, told = zoom_for(model_box, observation.box)
         camera = zoom_camera(observation.camera, crop)

@@ -54,7 +54,8 @@ class Silhouette:
     @property
     def usable(self) -> bool:
         """Whether there is a border at all."""
-        return bool((self.probability > 0.5).any() and (self.probability <= 0.5).any())
+        # Of a mask that is one faint cell, nothing is left at full size.
+        return bool(np.isfinite(self.distance).all())
 
     def outline(self, vertices: Float[np.ndarray, "v 3"], pose: Float[np.ndarray, "4 4"]) -> np.ndarray:
         """Indices of the vertices (object frame [m]) that lie on the model's outline at this pose."""

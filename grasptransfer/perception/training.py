@@ -53,7 +53,7 @@ class TrainingConfig:
     loss: str = "likelihood"
     samples: int = 20_000
     held_out: int = 512
-    steps: int = 12_000
+    steps: int = 10_000
     batch: int = 32
     echo: int = 2
     learning_rate: float = 1e-3
