@@ -82,10 +82,12 @@ class Camera:
                 for name in ("width", "height"):
                     if name not in data:
                         raise CameraError("is missing", path=path, key=name)
-                k = np.array(data["cam_K"], dtype=float)
-                if k.size != 9:
-                    raise CameraError("must hold 9 numbers", path=path, key="cam_K", value=data["cam_K"])
-                return Camera.from_matrix(k.reshape(3, 3), data["width"], data["height"])
+                try:
+                    k = np.array(data["cam_K"], dtype=float).reshape(3, 3)
+                except (TypeError, ValueError) as error:
+                    value = data["cam_K"]
+                    raise CameraError("must hold 9 numbers", path=path, key="cam_K", value=value) from error
+                return Camera.from_matrix(k, data["width"], data["height"])
             missing = [name for name in names if name not in data]
             if missing:
                 raise CameraError("is missing", path=path, key=missing[0], choices=names)

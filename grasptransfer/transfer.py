@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import CategoryError, NotSucceeded
+from grasptransfer.errors import CategoryError, NotSucceeded, SettingsError
 from grasptransfer.grasping import (
     CollisionWorld,
     GraspCheck,
@@ -83,6 +83,8 @@ class GraspTransfer:
         device: str = "auto",
         seed: int = 0,
     ):
+        if seed < 0:
+            raise SettingsError("must be 0 or more", key="seed", value=seed)
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
         self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))
@@ -198,7 +200,8 @@ def transfer_grasps(
         category: name, folder or loaded `Category`.
         camera: `Camera`, 3x3 intrinsics [px], or None for 60 degrees horizontal field of view.
         gripper: name, YAML path or loaded `Gripper`.
-        mask: bool (h, w) or box (u0, v0, u1, v1) [px] of the object, optional.
+        mask: bool (h, w) of what is seen of the object, taken as it is; or a box (u0, v0, u1, v1) [px] around
+            it, as a detector gives; or None.
         depth: (h, w) metres, 0 = missing; for the estimators that use depth.
         scene: obstacles and a support plane, optional.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.

@@ -44,6 +44,8 @@ def test_the_field_of_view_spans_the_whole_width():
         ("{fx: -1, fy: 1, cx: 0, cy: 0, width: 2, height: 2}", "positive"),
         ("{fx: a, fy: 1, cx: 0, cy: 0, width: 2, height: 2}", "number"),
         ("{cam_K: [1, 2], width: 2, height: 2}", "9 numbers"),
+        ("{cam_K: wide, width: 2, height: 2}", "9 numbers"),
+        ("{cam_K: {fx: 1}, width: 2, height: 2}", "9 numbers"),
         ("{cam_K: [1, 0, 0, 0, 1, 0, 0, 0, 1]}", "width"),
     ],
 )

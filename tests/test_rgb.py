@@ -70,7 +70,7 @@ def test_a_told_mask_is_what_the_outline_meets(renderer):
     half[: np.nonzero(told.mask.any(1))[0].mean().astype(int)] = False
     lower = estimator(replace(told, mask=half, depth=None))
     heights = [np.ptp(each.field(estimator.category.canonical.vertices)[:, 2]) for each in (lower, estimate)]
-    assert heights[0] < 0.95 * heights[1]
+    assert heights[0] < 0.98 * heights[1]
 
 
 def test_the_posterior_is_a_covariance_narrower_than_the_prior(estimator, seen):

@@ -125,6 +125,11 @@ def test_an_unknown_name_lists_the_known_ones(picture, arguments, error, word):
         gt.transfer_grasps(picture[0], POSE, **settings)
 
 
+def test_a_negative_seed_is_refused(picture):
+    with pytest.raises(SettingsError, match="seed"):
+        gt.transfer_grasps(picture[0], POSE, "mug", camera=CAMERA, estimator="rigid", seed=-1)
+
+
 def test_a_gpu_that_is_not_there_is_refused_with_what_is(picture, monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     with pytest.raises(SettingsError, match=r"not in this machine .*known: auto, cpu$"):
