@@ -84,3 +84,11 @@ def test_a_mask_of_one_faint_cell_has_no_border():
     probability[20, 30] = 0.55
     assert not Silhouette(probability, CAMERA, _draw_ball).usable
     assert Silhouette(_disc(50.0), CAMERA, _draw_ball).usable
+
+
+def test_a_point_far_outside_the_mask_counts_less_than_one_as_far_inside():
+    silhouette = Silhouette(_disc(50.0), CAMERA, _draw_ball)
+    pixels = np.array([[CAMERA.cx + radius, CAMERA.cy] for radius in (30, 49, 51, 70)])
+    _, _, weight = silhouette.residuals(pixels)
+    assert weight[3] < 0.1 * weight[0]
+    assert weight[2] > 0.5 * weight[1]

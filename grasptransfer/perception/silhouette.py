@@ -19,6 +19,7 @@ from grasptransfer.camera import Camera
 BORDER_SCALE = 2.0  # px: Laplace scale of the predicted border's error
 INDEPENDENT_POINTS = 30.0  # all outline points together count as this many independent ones
 OUTLINE = 1.5  # px: how near to the model's own border a point counts as on it
+HIDDEN = 4.0  # px: from here on, a point outside the mask is rather hidden by something than misplaced
 FARTHEST = 30.0  # px: farther borders belong to something else, such as what hides the object
 
 Drawn = Callable[[Float[np.ndarray, "v 3"], Float[np.ndarray, "4 4"]], Float[np.ndarray, "h w"]]
@@ -68,11 +69,16 @@ class Silhouette:
     def residuals(
         self, pixels: Float[np.ndarray, "p 2"]
     ) -> tuple[Float[np.ndarray, "p"], Float[np.ndarray, "p 2"], Float[np.ndarray, "p"]]:
-        """Distance to the mask's border, its derivative by the pixel, and the weight of its square."""
+        """Distance to the mask's border, its derivative by the pixel, and the weight of its square.
+
+        A point inside the mask is misplaced for certain; one outside may lie behind what stands before the
+        object, and counts the less the farther out it lies.
+        """
         distance = _sample(self.distance, pixels)
         slope = np.stack([_sample(self.slope[0], pixels), _sample(self.slope[1], pixels)], -1)
         weight = 1 / (BORDER_SCALE * np.sqrt(distance**2 + BORDER_SCALE**2))
         weight *= np.abs(distance) < FARTHEST
+        weight /= 1 + (np.minimum(distance, 0) / HIDDEN) ** 2
         return distance, slope, weight * min(1.0, INDEPENDENT_POINTS / max(len(pixels), 1))
 
 
