@@ -160,7 +160,7 @@ def test_the_scene_is_given_in_the_camera_frame():
     assert result.status is CheckStatus.BLOCKED_APPROACH
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.integers(0, 10_000))
 def test_the_verdict_stays_when_object_and_grasp_move_together(seed):
     rng = np.random.default_rng(seed)

@@ -77,7 +77,7 @@ def test_both_backends_give_the_same_result(outlier_weight):
     np.testing.assert_allclose(ours[0].target_inlier, ours[1].target_inlier, atol=1e-3)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     seed=st.integers(0, 10_000),
     lam=st.floats(0.1, 10),
@@ -92,7 +92,7 @@ def test_the_objective_never_rises(seed, lam, beta, outlier_weight):
     assert np.diff(history).max(initial=0.0) < 1e-5 * (len(target) + np.abs(history).max())
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10_000))
 def test_rotating_and_moving_both_clouds_moves_the_registration(seed):
     source, target = pair(80, seed=seed)
@@ -104,7 +104,7 @@ def test_rotating_and_moving_both_clouds_moves_the_registration(seed):
     np.testing.assert_allclose(turned, plain @ rotation.T + shift, atol=5e-5)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(scale=st.floats(1e-3, 1e3))
 def test_scaling_both_clouds_scales_the_registration(scale):
     source, target = pair(80)

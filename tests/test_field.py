@@ -25,7 +25,7 @@ def as_users_run_it():
 seeds = st.integers(0, 10_000)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=seeds, beta=st.floats(0.1, 3))
 def test_zero_weights_are_the_identity(seed, beta):
     points = cloud(30, seed)
@@ -36,7 +36,7 @@ def test_zero_weights_are_the_identity(seed, beta):
     assert np.array_equal(field.inverse(others), others)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=seeds, beta=st.floats(0.3, 3))
 def test_the_displacement_is_the_formula(seed, beta):
     rng = np.random.default_rng(seed)
@@ -48,7 +48,7 @@ def test_the_displacement_is_the_formula(seed, beta):
     np.testing.assert_allclose(field(points), points + expected, atol=1e-13)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=seeds, beta=st.floats(0.3, 2))
 def test_the_jacobian_is_that_of_finite_differences(seed, beta):
     rng = np.random.default_rng(seed)
@@ -59,7 +59,7 @@ def test_the_jacobian_is_that_of_finite_differences(seed, beta):
     np.testing.assert_allclose(field.jacobian(points), np.stack(columns, axis=2), atol=1e-6)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=seeds)
 def test_the_inverse_undoes_the_field(seed):
     field, points = fitted(seed), cloud(50, seed + 1)
@@ -78,7 +78,7 @@ def test_a_folded_field_inverts_as_far_as_it_can_and_says_so(caplog):
     assert reached.all() or "folds" in caplog.text
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=seeds, beta=st.floats(0.5, 2))
 def test_a_fit_recovers_a_field_of_its_own_kind(seed, beta):
     rng = np.random.default_rng(seed)

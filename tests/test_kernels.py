@@ -26,7 +26,7 @@ def test_compressing_does_not_change_the_field(beta):
     assert np.abs(gaussian_times(others, centres, beta, weights) - plain).max() < 1e-6 * np.abs(plain).max()
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10_000), beta=st.floats(0.2, 3), tolerance=st.sampled_from([1e-3, 1e-7, 1e-10]))
 def test_the_kernels_factor_is_as_good_as_asked(seed, beta, tolerance):
     points = cloud(80, seed) / SIZE

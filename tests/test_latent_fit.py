@@ -126,7 +126,7 @@ def test_far_outliers_are_ignored(space):
     assert error(polluted, space, truth) < 0.003
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     seed=st.integers(0, 10_000),
     refine=st.booleans(),

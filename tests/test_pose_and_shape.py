@@ -32,7 +32,7 @@ def _motion(points, model, pose, latent, scale=1.0):
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @example(187)
 def test_exact_motion_gives_the_true_pose_and_latent(seed):
     rng, points, model, pose, latent = _case(seed)

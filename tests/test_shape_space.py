@@ -53,7 +53,7 @@ def test_decode_after_encode_returns_the_training_fields_at_full_rank(metric, me
 
 
 @pytest.mark.parametrize("metric", METRICS)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10_000))
 def test_encode_after_decode_is_the_identity(metric, seed):
     space = learn(n_modes=3, metric=metric)
@@ -159,7 +159,7 @@ def test_the_displacement_model_is_the_field():
     np.testing.assert_allclose(mean, space.field().displacement(points), atol=1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000))
 def test_exact_displacements_give_the_latent_back(seed):
     space, rng = learn(n_modes=3), np.random.default_rng(seed)

@@ -47,7 +47,7 @@ def test_shapes_have_some_thousand_faces(category):
 
 
 @pytest.mark.parametrize("category", CATEGORIES)
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(seed=st.integers(100, 2**32 - 1))
 def test_any_seed_gives_watertight_parts_on_the_canonical_topology(category, seed):
     drawn = sample(category, seed)

@@ -35,7 +35,7 @@ def test_a_changed_file_is_refused(tmp_path):
         DeformationField.load(path)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(place=st.floats(0, 1), value=st.integers(1, 255))
 def test_a_flipped_byte_never_passes_for_another_field(tmp_path_factory, place, value):
     path = tmp_path_factory.mktemp("flip") / "field.npz"

@@ -71,7 +71,7 @@ def test_a_rigid_motion_of_the_object_moves_the_grasp_with_it(method):
         assert warped.width == pytest.approx(grasp.width)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), st.sampled_from(METHODS), st.floats(0, 2), st.booleans())
 def test_warped_rotations_stay_in_so3(seed, method, size, contacts):
     (warped,) = warp_grasps([grasp_at(seed, contacts=contacts)], random_field(seed, size), method=method)
