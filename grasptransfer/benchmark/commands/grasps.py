@@ -24,6 +24,7 @@ def grasp(
     categories: Categories = (),
     meshes: Meshes = None,
     views: Views = 12,
+    estimators: tuple[str, ...] = ("gt", "rgb", "cls", "cpd", "similarity", "rigid"),
     gripper: Gripper = "panda",
     protocol: str = "lift-shake-v1",
     translation: Translation = 0.0,
@@ -34,13 +35,22 @@ def grasp(
     """Grasp success in PyBullet, on the true mesh, of rgb and the baselines.
 
     Args:
+        estimators: gt (the true field), rgb, cls, cpd, similarity, rigid.
         protocol: named and versioned execution protocol.
         seed: of lights, backgrounds, pose errors and trials.
     """
     from grasptransfer.benchmark.grasp import GraspSettings, run_grasp_benchmark
 
     settings = GraspSettings(
-        trained(categories), meshes, views, gripper, protocol, seed, translation, math.radians(rotation)
+        trained(categories),
+        meshes,
+        views,
+        gripper,
+        protocol,
+        seed,
+        translation,
+        math.radians(rotation),
+        estimators,
     )
     return run(partial(run_grasp_benchmark, settings, workers=workers), json)
 
