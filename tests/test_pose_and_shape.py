@@ -31,6 +31,12 @@ def _motion(points, model, pose, latent, scale=1.0):
     return Motion(offsets, np.full(len(points), 1e-4 * scale), pixels, np.full(len(points), 0.05 * scale))
 
 
+def _fit(motion, points, model, told, pose_prior=TOLD_POSE):
+    return fit_pose_and_shape(
+        motion, points, model, camera=CAMERA, told_pose=told, start_pose=told, pose_prior=pose_prior
+    )
+
+
 @given(st.integers(0, 1000))
 @settings(max_examples=20)
 @example(187)
@@ -39,15 +45,7 @@ def test_exact_motion_gives_the_true_pose_and_latent(seed):
     told = pose.copy()
     told[:3, :3] = Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix() @ told[:3, :3]
     told[:3, 3] += rng.uniform(-0.03, 0.03, 3)
-    fit = fit_pose_and_shape(
-        _motion(points, model, pose, latent, scale=0.1),
-        points,
-        model,
-        camera=CAMERA,
-        told_pose=told,
-        start_pose=told,
-        pose_prior=TOLD_POSE,
-    )
+    fit = _fit(_motion(points, model, pose, latent, scale=0.1), points, model, told)
     assert fit.converged
     # The priors pull a little: ten independent cells leave about a millimetre of depth.
     assert np.linalg.norm(fit.camera_from_object[:3, 3] - pose[:3, 3]) < 2e-3
@@ -57,30 +55,14 @@ def test_exact_motion_gives_the_true_pose_and_latent(seed):
 
 def test_a_kept_pose_stays_exactly_as_told():
     _, points, model, pose, latent = _case(1)
-    fit = fit_pose_and_shape(
-        _motion(points, model, pose, latent),
-        points,
-        model,
-        camera=CAMERA,
-        told_pose=pose,
-        start_pose=pose,
-        pose_prior=None,
-    )
+    fit = _fit(_motion(points, model, pose, latent), points, model, pose, pose_prior=None)
     np.testing.assert_array_equal(fit.camera_from_object, pose)
     assert (fit.covariance[:6] == 0).all()
 
 
 def test_uncertain_motion_leaves_the_latent_at_the_prior():
     _, points, model, pose, latent = _case(2)
-    fit = fit_pose_and_shape(
-        _motion(points, model, pose, latent, scale=1e6),
-        points,
-        model,
-        camera=CAMERA,
-        told_pose=pose,
-        start_pose=pose,
-        pose_prior=TOLD_POSE,
-    )
+    fit = _fit(_motion(points, model, pose, latent, scale=1e6), points, model, pose)
     np.testing.assert_allclose(fit.latent, 0, atol=1e-3)
     np.testing.assert_allclose(np.diag(fit.covariance)[6:], 1, atol=1e-3)
 
@@ -89,15 +71,7 @@ def test_less_noise_means_a_tighter_posterior():
     _, points, model, pose, latent = _case(3)
     traces = [
         np.trace(
-            fit_pose_and_shape(
-                _motion(points, model, pose, latent, scale=scale),
-                points,
-                model,
-                camera=CAMERA,
-                told_pose=pose,
-                start_pose=pose,
-                pose_prior=TOLD_POSE,
-            ).covariance[6:, 6:]
+            _fit(_motion(points, model, pose, latent, scale=scale), points, model, pose).covariance[6:, 6:]
         )
         for scale in (1, 10, 100)
     ]
@@ -111,14 +85,6 @@ def test_the_distance_may_move_as_far_as_the_place_across_the_ray_was_wrong(alon
     for across in (0.0, 0.04):
         told = pose.copy()
         told[:3, 3] += [across, 0, along]
-        fit = fit_pose_and_shape(
-            _motion(points, model, pose, latent, scale=3.0),
-            points,
-            model,
-            camera=CAMERA,
-            told_pose=told,
-            start_pose=told,
-            pose_prior=TOLD_POSE,
-        )
+        fit = _fit(_motion(points, model, pose, latent, scale=3.0), points, model, told)
         left.append(abs(fit.camera_from_object[2, 3] - pose[2, 3]))
     assert left[1] < 0.8 * left[0]

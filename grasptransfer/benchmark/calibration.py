@@ -87,8 +87,9 @@ def run_calibration(
     odd = [grasp for task in tasks if task[1] % 2 == 1 for grasp in executed[task]]
     present, fitted = Ranking().weights, fit_weights([*even, *odd])
     crossed = [(fit_weights(odd), even), (fit_weights(even), odd)]
-    scores = [(expected_success(g.features, w), g.held) for w, group in crossed for g in group]
-    rows = reliability([(expected_success(g.features, present), g.held) for g in [*even, *odd]], "present")
+    scores = [(float(expected_success(g.features, w)), g.held) for w, group in crossed for g in group]
+    now = [(float(expected_success(g.features, present)), g.held) for g in [*even, *odd]]
+    rows = reliability(now, "present")
     rows += reliability(scores, "fitted")
     summary = {"grasps": len(scores), "held": float(np.mean([held for _, held in scores]))}
     for name in ("present", "fitted"):

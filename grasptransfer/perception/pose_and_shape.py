@@ -207,7 +207,7 @@ def _tail_weight(astray: Float[np.ndarray, "3"]) -> float:
     Args:
         astray: the drift in standard deviations.
     """
-    return 1 / (1 + astray @ astray / TAIL)
+    return 1 / (1 + float(astray @ astray) / TAIL)
 
 
 def _drift(told_pose, pose) -> Float[np.ndarray, "6"]:
