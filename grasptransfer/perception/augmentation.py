@@ -9,8 +9,7 @@ from PIL import Image, ImageFilter
 from torch import Tensor
 
 from grasptransfer.perception.dataset import Dataset
-from grasptransfer.perception.networks import MASK_STRIDE
-from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH
+from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH, mask_cells
 
 STRANGERS = 0.12  # share of samples that show an object of another category
 Inputs = tuple[Float32[Tensor, "b 8 192 256"], Int64[Tensor, "b"]]  # pictures, number of the category
@@ -101,7 +100,7 @@ def _compose(
     for _ in range(rng.integers(1, 3) if rng.random() < 0.25 else 0):
         _occlude(picture, mask, dataset, rng)
     picture = _degrade(_photometry(picture, rng), rng)
-    return picture, mask.reshape(ZOOM_HEIGHT // MASK_STRIDE, MASK_STRIDE, -1, MASK_STRIDE).mean((1, 3))
+    return picture, mask_cells(mask)
 
 
 def _background(dataset: Dataset, rng: np.random.Generator) -> Float32[np.ndarray, "192 256 3"]:

@@ -2,12 +2,10 @@
 
 import time
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Bool, Float
 from PIL import Image
 
@@ -38,6 +36,7 @@ from grasptransfer.perception.pose_and_shape import (
 )
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.samples import view_from_object, zoom_for
+from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import find_weights, load_weights
 from grasptransfer.perception.zoom import (
@@ -101,6 +100,7 @@ class RgbEstimator:
         from grasptransfer.perception.training import choose_device
 
         self.category, self.refine_pose = category, refine_pose
+        self._model = ShapedModel(category)
         self.pose_prior = pose_prior or TOLD_POSE
         path = weights or find_weights(category.name)
         self.network, info = load_weights(path)
@@ -125,7 +125,7 @@ class RgbEstimator:
     def assess(self, observation: Observation) -> tuple[ShapeEstimate, Evidence]:
         """The estimate, and what its `category_score` rests on."""
         clock = _Clock()
-        pose, latent = self._start(observation), np.zeros(self._vertex_model[1].shape[2])
+        pose, latent = self._start(observation), np.zeros(self._model.by_latent[1].shape[2])
         astray = False
         # The second look compares the picture with what the first one made of it.
         for number in range(LOOKS):
@@ -185,7 +185,7 @@ class RgbEstimator:
         latent: Float[np.ndarray, "k"],
     ) -> Look:
         """Zoom on the object and let the network compare it with the model at this pose, with this latent."""
-        vertices = self._shaped(latent)
+        vertices = self._model.vertices(latent)
         nearest = transform_points(camera_from_object, vertices)[:, 2].min()
         if nearest < NEAREST:
             raise PoseError(
@@ -224,30 +224,19 @@ class RgbEstimator:
         """What the reconstruction's outline has to meet in this look."""
 
         def draw_depth(vertices, pose):
-            return self.renderer.depth(self._with_vertices(vertices), look.camera, pose)
+            return self.renderer.depth(self._model.with_vertices(vertices), look.camera, pose)
 
-        mean, basis = self._vertex_model
+        mean, basis = self._model.by_latent
         silhouette = Silhouette(look.object_probability, look.camera, draw_depth)
         return Outline(silhouette, self._vertices, mean, basis)
 
-    @cached_property
+    @property
     def _vertices(self) -> Float[np.ndarray, "v 3"]:
         return np.asarray(self.category.canonical.vertices)
 
-    @cached_property
-    def _vertex_model(self) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]:
-        return self.category.shape_space.displacement_model(self._vertices)
-
-    def _shaped(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
-        mean, basis = self._vertex_model
-        return self._vertices + mean + basis @ latent
-
-    def _with_vertices(self, vertices: Float[np.ndarray, "v 3"]) -> trimesh.Trimesh:
-        return trimesh.Trimesh(vertices, self.category.canonical.faces, process=False)
-
     def _overlap(self, fit: PoseAndShape, look: Look) -> float:
         """How well the reconstruction's silhouette covers the predicted mask: intersection over union."""
-        mesh = self._with_vertices(self._shaped(fit.latent))
+        mesh = self._model.mesh(fit.latent)
         silhouette = (
             self.renderer.depth(mesh, look.camera, fit.camera_from_object)[2::MASK_STRIDE, 2::MASK_STRIDE] > 0
         )

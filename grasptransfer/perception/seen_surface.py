@@ -27,11 +27,18 @@ class ShapedModel:
         """Mean and basis of the vertices' displacement [m]."""
         return self.category.shape_space.displacement_model(np.asarray(self.category.canonical.vertices))
 
+    def vertices(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
+        """Of the shape with this latent, object frame [m]."""
+        mean, basis = self.by_latent
+        return np.asarray(self.category.canonical.vertices) + mean + basis @ latent
+
     def mesh(self, latent: Float[np.ndarray, "k"]) -> trimesh.Trimesh:
         """The shape with this latent, object frame [m]."""
-        canonical, (mean, basis) = self.category.canonical, self.by_latent
-        vertices = np.asarray(canonical.vertices) + mean + basis @ latent
-        return trimesh.Trimesh(vertices, canonical.faces, process=False)
+        return self.with_vertices(self.vertices(latent))
+
+    def with_vertices(self, vertices: Float[np.ndarray, "v 3"]) -> trimesh.Trimesh:
+        """The canonical mesh with its vertices elsewhere [m]."""
+        return trimesh.Trimesh(vertices, self.category.canonical.faces, process=False)
 
 
 @dataclass(frozen=True)

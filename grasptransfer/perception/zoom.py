@@ -83,5 +83,9 @@ def zoom_picture(image: UInt8[np.ndarray, "h w 3"], box: Box) -> UInt8[np.ndarra
 def zoom_mask(mask: Bool[np.ndarray, "h w"], box: Box) -> Float32[np.ndarray, "48 64"]:
     """The share of each mask cell of the zoomed picture that `mask` covers."""
     picture = zoom_picture(np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2), box)[..., 0]
-    cells = picture.reshape(ZOOM_HEIGHT // MASK_STRIDE, MASK_STRIDE, -1, MASK_STRIDE)
-    return cells.mean((1, 3), dtype=np.float32) / 255
+    return mask_cells(picture.astype(np.float32) / 255)
+
+
+def mask_cells(mask: Float32[np.ndarray, "192 256"]) -> Float32[np.ndarray, "48 64"]:
+    """Mean of a zoomed mask over each cell of the network's."""
+    return mask.reshape(ZOOM_HEIGHT // MASK_STRIDE, MASK_STRIDE, -1, MASK_STRIDE).mean((1, 3))
