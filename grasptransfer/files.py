@@ -21,13 +21,11 @@ def write_whole(path: str | Path, content: bytes) -> None:
     """Write `content` so that it is there whole or not at all; folders above it are made.
 
     Raises:
-        SettingsError: the folder cannot be written.
+        SettingsError: the file cannot be written.
     """
     path = Path(path)
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unwritable(path, error) from error
     with replacing(path) as temporary:
         temporary.write_bytes(content)
 
@@ -37,19 +35,32 @@ def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary path beside `path`, of the same ending, that takes its place when the block ends well.
 
     Raises:
-        SettingsError: the folder does not exist or cannot be written.
+        SettingsError: the folder does not exist, or the file cannot be written.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
     try:
-        temporary.touch(exist_ok=False)
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    try:
-        yield temporary
-        os.replace(temporary, path)
+        with writing(path):
+            temporary.touch(exist_ok=False)
+            yield temporary
+            os.replace(temporary, path)
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # it never was, or the folder is gone: what matters is raised
+            temporary.unlink()
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turns the system's refusal to write `path`, or below it, into one sentence that names it.
+
+    Raises:
+        SettingsError: an OSError came up in the block.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)  # without the name, which may be a temporary one
+        raise SettingsError("cannot be written", path=path, fix=reason) from error
 
 
 class _Loader(yaml.SafeLoader):
@@ -92,7 +103,3 @@ def read_yaml(path: str | Path, *, error: type[GraspTransferError]) -> dict:
     if not isinstance(data, dict):
         raise error("must hold a mapping of keys to values", path=path, value=data)
     return data
-
-
-def _unwritable(path: Path, error: OSError) -> SettingsError:
-    return SettingsError("cannot be written", path=path, fix=str(error))

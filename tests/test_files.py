@@ -44,6 +44,17 @@ def test_a_file_in_the_way_of_a_folder_is_named(tmp_path):
     assert caught.value.path == tmp_path / "b/a"
 
 
+def test_what_cannot_be_written_is_told_under_its_own_name(tmp_path):
+    (tmp_path / "a.txt").mkdir()
+    with pytest.raises(SettingsError) as in_the_way:
+        write_whole(tmp_path / "a.txt", b"")
+    assert str(in_the_way.value) == f"{tmp_path}/a.txt: cannot be written. Is a directory"
+    with pytest.raises(SettingsError) as without_folder, replacing(tmp_path / "b/a.txt"):
+        pass
+    assert str(without_folder.value) == f"{tmp_path}/b/a.txt: cannot be written. No such file or directory"
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.txt"]
+
+
 def test_equal_bytes_have_equal_checksums(tmp_path):
     for name, content in (("a", b"1"), ("b", b"1"), ("c", b"2")):
         write_whole(tmp_path / name, content)

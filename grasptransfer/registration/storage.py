@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from grasptransfer.errors import FieldFileError
-from grasptransfer.files import replacing
+from grasptransfer.files import replacing, writing
 
 VERSION = 1
 # What zip and numpy raise where bytes are wrong.
@@ -21,7 +21,8 @@ UNREADABLE += (MemoryError, zipfile.BadZipFile, zlib.error, struct.error, tokeni
 def save_arrays(path: str | Path, kind: str, arrays: dict[str, np.ndarray]):
     """Write named arrays under a temporary name, then rename."""
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
     # Not ascontiguousarray, which makes a number an array of one.
     arrays = {name: np.asarray(array, order="C") for name, array in arrays.items()}
     with replacing(path) as temporary, temporary.open("wb") as file:

@@ -9,7 +9,7 @@ import trimesh
 from jaxtyping import Float, Int, UInt8
 
 from grasptransfer.camera import Camera
-from grasptransfer.files import replacing
+from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import rigid, transform_points
 from grasptransfer.perception.views import look_at
 from grasptransfer.report.grasp_pictures import HAND, OBJECT, OBSTACLE, REFUSED, USABLE
@@ -101,15 +101,15 @@ def save_movies(
     from grasptransfer.perception.rendering import Renderer
 
     folder, written = Path(folder), []
-    folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     with Renderer() as renderer:
         for trial in trials:
             frames = movie(trial, mesh, gripper, Studio(renderer))
             if not frames:
                 continue
             path = folder / f"{trial.grasp}_{trial.trial}.gif"
-            with replacing(path) as temporary:
-                temporary.write_bytes(gif_bytes(frames, seconds_per_frame=seconds_per_frame(trial)))
+            write_whole(path, gif_bytes(frames, seconds_per_frame=seconds_per_frame(trial)))
             written.append(path)
     return written
 

@@ -25,7 +25,6 @@ from grasptransfer.report.html_parts import (
     table,
 )
 from grasptransfer.report.pictures import FOUND, MASK, TOLD, DeformationMaps, Pictures
-from grasptransfer.report.result_files import writing
 from grasptransfer.report.studio import CANONICAL, RECONSTRUCTION, Studio
 from grasptransfer.report.trial_section import executed_by_name, trial_pill, trial_section
 
@@ -77,8 +76,7 @@ def write_page(
             _timings(result),
         ]
     text = _document(result, trials, "".join(parts))
-    with writing(path):
-        write_whole(path, text.encode("utf-8"))
+    write_whole(path, text.encode("utf-8"))
     return path
 
 

@@ -5,8 +5,6 @@ Poses are in metres: `object` is the reconstruction's frame, `gripper` the TCP (
 """
 
 import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +14,7 @@ import yaml
 
 import grasptransfer
 from grasptransfer.errors import SettingsError
-from grasptransfer.files import write_whole
+from grasptransfer.files import write_whole, writing
 from grasptransfer.grasping import Grasp
 from grasptransfer.grasping.formats import GraspSet, isaac_grasp
 
@@ -61,15 +59,6 @@ def write_reconstruction(mesh: trimesh.Trimesh, path: Path) -> Path:
     assert isinstance(content, bytes)
     write_whole(path, content)
     return path
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn the system's refusal to write below `path` into one clear sentence."""
-    try:
-        yield
-    except OSError as error:
-        raise SettingsError("cannot be written", path=path, fix=str(error)) from error
 
 
 def check_folder(path: Path, key: str) -> None:

@@ -16,12 +16,13 @@ from PIL import Image
 from grasptransfer.camera import Camera
 from grasptransfer.category.sources import MESHES
 from grasptransfer.errors import ImageError, MeshError
+from grasptransfer.files import writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
 from grasptransfer.perception.observation import read_image
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.pose_file import load_pose
-from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, check_folder, save_result, writing
+from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, check_folder, save_result
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.transfer import GraspTransfer
 
