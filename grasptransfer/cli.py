@@ -37,6 +37,7 @@ def train(
     run: Path = Path("runs/default"),
     output: Path | None = None,
     network: str = "compact",
+    members: int = 2,
     loss: str = "likelihood",
     samples: int = 20_000,
     steps: int = 10_000,
@@ -47,18 +48,20 @@ def train(
     device: str = "auto",
     workers: int = 2,
 ) -> int:
-    """Render training pictures and train a network; started again, it goes on where it stopped.
+    """Render training pictures and train networks; started again, it goes on where it stopped.
 
-    Started again with more steps, a finished run is prolonged. The defaults made the shipped weights.
+    Started again with more steps or members, a finished run is prolonged. The defaults made the
+    shipped weights.
 
     Args:
-        categories: trained together in one network; none given: all shipped ones.
-        run: folder of data, checkpoint and log.
+        categories: trained together; none given: all shipped ones.
+        run: folder of data, checkpoints and logs.
         output: weight file; default: objects/models/<categories>.safetensors.
         network: see `grasptransfer.perception.networks`.
+        members: networks trained alike but for the seed; their mean is the answer.
         loss: likelihood, or paper (squared offsets times 1000).
         samples: rendered training samples.
-        steps: optimiser steps.
+        steps: optimiser steps of each member.
         batch: samples a step.
         echo: how often each augmented batch is used; 2 halves what preparing them costs.
         learning_rate: peak; it falls over the last 30 % of the steps.
@@ -75,7 +78,8 @@ def train(
     config = TrainingConfig(
         names,
         network,
-        loss,
+        members=members,
+        loss=loss,
         samples=samples,
         steps=steps,
         batch=batch,
@@ -102,8 +106,8 @@ def _train_with_progress(
 
     with progress_bar(console) as progress:
         rendering = progress.add_task("rendering", total=None)
-        training = progress.add_task("training", total=config.steps)
-        scores = run_training(
+        training = progress.add_task("training", total=config.members * config.steps)
+        scores, alone = run_training(
             config,
             run_folder=run,
             output=output,
@@ -122,7 +126,7 @@ def _train_with_progress(
             seed=config.seed + HELD_OUT_SEED,
             progress=lambda done, total: progress.update(fitting, completed=done, total=total),
         )
-    card = write_card(output, config, scores, confidence, run)
+    card = write_card(output, config, (scores, *alone), confidence, run)
     console.print(f"Weights: {output}\nModel card: {card}\n{scores}", soft_wrap=True)
 
 
@@ -141,7 +145,7 @@ def _check_choices(config: "TrainingConfig") -> None:
 
 
 def _check_numbers(config: "TrainingConfig", workers: int) -> None:
-    counts = {key: getattr(config, key) for key in ("samples", "steps", "batch", "echo")}
+    counts = {key: getattr(config, key) for key in ("members", "samples", "steps", "batch", "echo")}
     for key, value in {**counts, "workers": workers}.items():
         if value < 1:
             raise SettingsError("must be at least 1", key=key, value=value)
@@ -217,7 +221,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _checked(command: Callable[..., int]) -> Callable[..., int]:
-    """The command, refusing a seed that no random generator takes."""
+    """The command, refusing a wrong seed before it computes anything."""
 
     @functools.wraps(command)
     def checked(*positional, **options) -> int:

@@ -155,7 +155,7 @@ def test_training_has_the_same_defaults_on_the_command_line_and_in_the_library()
     command = {name: one.default for name, one in inspect.signature(COMMANDS["train"]).parameters.items()}
     library = {field.name: field.default for field in dataclasses.fields(TrainingConfig)}
     shared = (command.keys() & library.keys()) - {"categories"}
-    assert len(shared) == 8
+    assert len(shared) == 9
     assert {name: command[name] for name in shared} == {name: library[name] for name in shared}
 
 

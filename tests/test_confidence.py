@@ -8,6 +8,7 @@ from grasptransfer.category import load_category
 from grasptransfer.perception.confidence import Confidence, evidence
 from grasptransfer.perception.confidence_fit import Seen, fit_confidence, fit_overconfidence, fit_score
 from grasptransfer.perception.networks import build_network
+from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights
 
 
@@ -55,7 +56,7 @@ def test_fitting_keeps_the_network_and_writes_the_confidence_beside_it(tmp_path)
     torch.manual_seed(0)
     path = tmp_path / "mug.safetensors"
     checksum = load_category("mug").canonical_sha256
-    save_weights(path, build_network("compact"), WeightsInfo("compact", {"mug": checksum}))
+    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": checksum}))
     before, info = load_weights(path)
     assert info.confidence == Confidence()
     done = []

@@ -106,9 +106,10 @@ def test_a_model_behind_the_camera_or_around_it_is_refused(estimator, seen, dist
 
 def test_weights_of_another_canonical_model_are_refused(tmp_path, renderer):
     from grasptransfer.perception.networks import build_network
+    from grasptransfer.perception.networks.ensemble import Ensemble
     from grasptransfer.perception.weights import WeightsInfo, save_weights
 
     path = tmp_path / "other.safetensors"
-    save_weights(path, build_network("compact"), WeightsInfo("compact", {"mug": "another"}))
+    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": "another"}))
     with pytest.raises(WeightsError, match="another canonical"):
         RgbEstimator(gt.load_category("mug"), renderer=renderer, weights=path, device="cpu")

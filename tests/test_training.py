@@ -14,6 +14,7 @@ from grasptransfer.perception.augmentation import network_input, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
 from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import Prediction, build_network
+from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.networks.picture_features import load_picture_features
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.samples import render_sample
@@ -174,6 +175,26 @@ def test_a_perfect_prediction_has_no_error(folder):
     assert terms["match"] == 1
 
 
+def test_an_ensemble_answers_with_the_mean_of_its_members():
+    torch.manual_seed(0)
+    members = [build_network("compact", 2).eval() for _ in range(3)]
+    inputs = torch.rand(2, 8, 192, 256), torch.tensor([0, 1])
+    with torch.inference_mode():
+        together, alone = Ensemble(members)(*inputs), [member(*inputs) for member in members]
+    for mean, parts in zip(together, zip(*alone, strict=True), strict=True):
+        torch.testing.assert_close(mean, sum(parts) / 3)
+
+
+def test_an_ensemble_lacks_what_its_members_lack():
+    class Bare(torch.nn.Module):
+        def forward(self, pictures, category):
+            return Prediction(*[torch.ones(1)] * 5)
+
+    together = Ensemble([Bare(), Bare()])(torch.zeros(1, 8, 192, 256), torch.zeros(1, dtype=int))
+    assert together.latent is None
+    assert together.mask_logit == 1
+
+
 def test_an_unknown_loss_or_network_names_the_choices(folder):
     _, targets = training_batch(Dataset(folder), np.arange(1), np.random.default_rng(0))
     zero = torch.zeros(1, 1, 24, 32)
@@ -186,7 +207,7 @@ def test_an_unknown_loss_or_network_names_the_choices(folder):
 
 def test_weights_come_back_as_they_were_saved(tmp_path):
     torch.manual_seed(1)
-    network = build_network("compact").eval()
+    network = Ensemble(build_network("compact") for _ in range(2)).eval()
     save_weights(tmp_path / "w.safetensors", network, WeightsInfo("compact", {"mug": "abc"}))
     loaded, info = load_weights(tmp_path / "w.safetensors")
     assert info == WeightsInfo("compact", {"mug": "abc"})
@@ -197,7 +218,7 @@ def test_weights_come_back_as_they_were_saved(tmp_path):
 @pytest.mark.parametrize("position", [20, -1000])
 def test_a_flipped_byte_in_the_weights_is_found(tmp_path, position):
     path = tmp_path / "w.safetensors"
-    save_weights(path, build_network("compact"), WeightsInfo("compact", {"mug": "abc"}))
+    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": "abc"}))
     data = bytearray(path.read_bytes())
     data[position] ^= 255
     path.write_bytes(data)
@@ -211,7 +232,7 @@ def test_missing_weights_say_how_to_train_them(tmp_path):
 
 
 def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monkeypatch):
-    config = TrainingConfig(("mug",), samples=4, held_out=4, steps=4, batch=2)
+    config = TrainingConfig(("mug",), samples=4, held_out=4, members=1, steps=4, batch=2)
     data = Dataset(folder)
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
     monkeypatch.setattr(training_module, "load_category", lambda name: _Canonical())
@@ -232,7 +253,7 @@ def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monke
     assert not (tmp_path / "b.safetensors").exists()
     monkeypatch.setattr(training_module._Run, "save", original)
     resumed = train(config, run_folder=tmp_path / "broken", output=tmp_path / "b.safetensors", device="cpu")
-    assert resumed == pytest.approx(whole, rel=1e-4)
+    assert resumed[0] == pytest.approx(whole[0], rel=1e-4)
 
 
 def test_a_prolonged_run_ends_as_one_started_for_that_length(folder, tmp_path, monkeypatch):
@@ -241,23 +262,27 @@ def test_a_prolonged_run_ends_as_one_started_for_that_length(folder, tmp_path, m
     monkeypatch.setattr(training_module, "load_category", lambda name: _Canonical())
     monkeypatch.setattr(training_module, "CHECKPOINT_STEPS", 1)
 
-    def run(name, steps):
-        config = TrainingConfig(("mug",), samples=4, held_out=4, steps=steps, batch=2)
+    def run(name, steps, members):
+        config = TrainingConfig(("mug",), samples=4, held_out=4, members=members, steps=steps, batch=2)
         return train(
             config, run_folder=tmp_path / name, output=tmp_path / f"{name}.safetensors", device="cpu"
         )
 
-    run("grown", 3)  # its rate has fallen since the second step
-    assert run("grown", 6) == pytest.approx(run("straight", 6), rel=1e-4)
+    run("grown", 3, 1)  # its rate has fallen since the second step
+    (grown, grown_alone), (straight, straight_alone) = run("grown", 6, 2), run("straight", 6, 2)
+    assert grown == pytest.approx(straight, rel=1e-4)
+    for one, other in zip(grown_alone, straight_alone, strict=True):
+        assert one == pytest.approx(other, rel=1e-4)
+    assert grown_alone[0]["offset_mm"] != grown_alone[1]["offset_mm"]
 
 
 def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypatch):
     data = Dataset(folder)
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
-    (tmp_path / "run").mkdir()
-    state = {"config": json.dumps({"steps": 2, "seed": 1})}
-    torch.save(state, tmp_path / "run" / "checkpoint.pt")
-    config = TrainingConfig(("mug",), samples=4, held_out=4, steps=2, batch=2)
+    member = training_module.member_folder(tmp_path / "run", 0)
+    member.mkdir(parents=True)
+    torch.save({"config": json.dumps({"steps": 2, "seed": 1})}, member / "checkpoint.pt")
+    config = TrainingConfig(("mug",), samples=4, held_out=4, members=1, steps=2, batch=2)
     with pytest.raises(SettingsError, match="other settings"):
         train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
 

@@ -56,7 +56,7 @@ def fit_confidence(
         seed: of shapes, pictures and strangers.
         progress: called with (pictures done, in all).
     """
-    network, info = load_weights(weights)
+    ensemble, info = load_weights(weights)
     total = 2 * pictures * len(info.categories)
     seen: list[Seen] = []
     for number, name in enumerate(info.categories):
@@ -66,7 +66,7 @@ def fit_confidence(
             if progress:
                 progress(len(seen), total)
     confidence = replace(fit_score(seen), overconfidence=fit_overconfidence(seen))
-    save_weights(weights, network, replace(info, confidence=confidence))
+    save_weights(weights, ensemble, replace(info, confidence=confidence))
     return confidence
 
 

@@ -2,16 +2,25 @@
 
 import csv
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from grasptransfer.category import objects_folder
 from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.networks import build_network
-from grasptransfer.perception.training import HELD_OUT_SEED, TrainingConfig
+from grasptransfer.perception.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
 
 CURVE_ROWS = 12
+MEASURES = (  # of `training.Scores`: key, name, format
+    ("offset_mm", "mean offset error", "{:.2f} mm"),
+    ("flow_px", "mean flow error", "{:.2f} px of 256"),
+    ("shape_mm", "mean displacement error of the latent head", "{:.2f} mm"),
+    ("iou", "mask IoU", "{:.3f}"),
+    ("match", "objects of this and of other categories told apart", "{:.1%}"),
+)
 
 
 def default_output(categories: tuple[str, ...]) -> Path:
@@ -20,9 +29,13 @@ def default_output(categories: tuple[str, ...]) -> Path:
 
 
 def write_card(
-    weights: Path, config: TrainingConfig, scores: dict[str, float], confidence: Confidence, run_folder: Path
+    weights: Path, config: TrainingConfig, scores: Sequence[Scores], confidence: Confidence, run_folder: Path
 ) -> Path:
-    """Write `<weights>.md` and return its path."""
+    """Write `<weights>.md` and return its path.
+
+    Args:
+        scores: of the ensemble, then of each member by itself.
+    """
     path = weights.with_suffix(".md")
     unfinished = path.with_name(path.name + ".part")
     unfinished.write_text(_card(weights, config, scores, confidence, run_folder), encoding="utf-8")
@@ -31,49 +44,59 @@ def write_card(
 
 
 def _card(
-    weights: Path, config: TrainingConfig, scores: dict[str, float], confidence: Confidence, run_folder: Path
+    weights: Path, config: TrainingConfig, scores: Sequence[Scores], confidence: Confidence, run_folder: Path
 ) -> str:
-    rows = _log(run_folder / "log.csv")
+    logs = [_log(member_folder(run_folder, number) / "log.csv") for number in range(config.members)]
+    hours = sum(float(log[-1]["seconds"]) for log in logs) / 3600
+    members = tuple(f"member {number}" for number in range(config.members))
     parts = [
         f"# {weights.name}",
-        _what_it_is(config, float(rows[-1]["seconds"]) / 3600 if rows else 0.0),
+        _what_it_is(config, hours),
         f"## Held-out scores ({config.held_out} pictures of shapes that training never saw)",
         _table(
-            ("measure", "value"),
-            [
-                ("mean offset error", f"{scores['offset_mm']:.2f} mm"),
-                ("mean flow error", f"{scores['flow_px']:.2f} px of 256"),
-                ("mean displacement error of the latent head", f"{scores['shape_mm']:.2f} mm"),
-                ("mask IoU", f"{scores['iou']:.3f}"),
-                ("objects of this and of other categories told apart", f"{scores['match']:.1%}"),
-            ],
+            ("measure", "together", *members),
+            [(what, *(show.format(one[key]) for one in scores)) for key, what, show in MEASURES],
         ),
+        _spread(scores[1:]),
         "## Confidence\n\nFitted after training to other shapes and to strangers (`confidence.py`), "
         "and kept in the weight file: "
         + ", ".join(f"{name} {value:.3g}" for name, value in confidence.as_data().items())
         + ".",
-        "## Curve (training batches)",
-        _table(
-            ("step", "offset [mm]", "flow [px]", "mask IoU"),
-            [
-                (row["step"], *(f"{float(row[name]):.3g}" for name in ("offset_mm", "flow_px", "iou")))
-                for row in rows[:: max(len(rows) // CURVE_ROWS, 1)]
-            ],
-        ),
+        "## Curve (training batches: offset [mm], flow [px], mask IoU)",
+        _table(("step", *members), _curve(logs)),
     ]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _spread(alone: Sequence[Scores]) -> str:
+    """How far another training may end from this one, as the members show it."""
+    if len(alone) < 2:
+        return ""
+    spreads = (
+        f"{what} {show.format(np.std([one[key] for one in alone], ddof=1))}" for key, what, show in MEASURES
+    )
+    return "Members differ in their seed alone. Standard deviation between them: " + ", ".join(spreads) + "."
+
+
+def _curve(logs: list[list[dict[str, str]]]) -> list[tuple[str, ...]]:
+    every = max(len(logs[0]) // CURVE_ROWS, 1)
+    shown = ("offset_mm", "flow_px", "iou")
+    return [
+        (rows[0]["step"], *(" / ".join(f"{float(row[name]):.3g}" for name in shown) for row in rows))
+        for rows in list(zip(*logs, strict=False))[::every]
+    ]
 
 
 def _what_it_is(config: TrainingConfig, hours: float) -> str:
     parameters = sum(p.numel() for p in build_network(config.network, len(config.categories)).parameters())
     options = (
-        f"--network {config.network} --loss {config.loss} --samples {config.samples} --steps {config.steps} "
-        f"--batch {config.batch} --echo {config.echo} --learning-rate {config.learning_rate:g} "
-        f"--seed {config.seed}"
+        f"--network {config.network} --members {config.members} --loss {config.loss} "
+        f"--samples {config.samples} --steps {config.steps} --batch {config.batch} --echo {config.echo} "
+        f"--learning-rate {config.learning_rate:g} --seed {config.seed}"
     )
     return f"""\
-Network `{config.network}` ({parameters / 1e6:.1f} M parameters, stored in half precision) for: \
-{", ".join(config.categories)}.
+{config.members} networks `{config.network}` ({parameters / 1e6:.1f} M parameters each, stored in half \
+precision), whose mean is the answer, for: {", ".join(config.categories)}.
 
 - **Input**: observed RGB and its box, coordinates and mask of the model as assumed so far (pose and \
 latent), zoomed to 256 x 192.
@@ -83,8 +106,8 @@ the assumed latent lacks, each with the scale of its error; whether the object i
 materials and pose errors; backgrounds, occluders and camera faults are drawn anew in every batch. No \
 photograph and no scan was used, but for the ImageNet pictures behind the picture features \
 (EfficientNet-Lite0, kept as it is).
-- **Seed**: {config.seed}; held-out shapes: seed {config.seed + HELD_OUT_SEED}.
-- **Training**: {config.steps} steps of {config.batch}, {hours:.2f} h on {_device()}, bfloat16.
+- **Seed**: {config.seed} (member i: {config.seed} + i); held-out shapes: seed {config.seed + HELD_OUT_SEED}.
+- **Training**: {config.steps} steps of {config.batch} each, {hours:.2f} h in all on {_device()}, bfloat16.
 - **Command**: `grasptransfer train {" ".join(config.categories)} {options}`"""
 
 

@@ -19,6 +19,7 @@ from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_datas
 from grasptransfer.perception.estimators import check_device
 from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import build_network, channels_last
+from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.weights import WeightsInfo, save_weights
 
@@ -37,19 +38,21 @@ class TrainingConfig:
     Args:
         categories: trained together in one network.
         network: see `networks.network_names`.
+        members: networks trained alike but for the seed, whose mean is the answer (`networks.ensemble`).
         loss: see `losses.LOSSES`.
         samples: rendered training samples.
         held_out: rendered samples of other shapes, to watch.
-        steps: optimiser steps.
+        steps: optimiser steps of each member.
         batch: samples a step, over all processes.
         echo: how often each augmented batch is used; above 1 where preparing it costs more than learning.
         learning_rate: peak; held until the last `DECAY` of the steps.
         weight_decay: of AdamW.
-        seed: of everything random.
+        seed: of everything random; member i begins and draws its batches with seed + i.
     """
 
     categories: tuple[str, ...]
     network: str = "compact"
+    members: int = 2
     loss: str = "likelihood"
     samples: int = 20_000
     held_out: int = 512
@@ -61,9 +64,12 @@ class TrainingConfig:
     seed: int = 0
 
 
+Scores = dict[str, float]  # mean errors on the held-out samples
+
+
 @dataclass(frozen=True)
 class Progress:
-    """What a run reports as it goes."""
+    """What a run reports as it goes; steps are counted over all members."""
 
     step: int
     steps: int
@@ -80,15 +86,16 @@ def train(
     workers: int = 2,
     on_render: Callable[[int, int], None] | None = None,
     on_step: Callable[[Progress], None] | None = None,
-) -> dict[str, float]:
+) -> tuple[Scores, list[Scores]]:
     """Render what is missing, train (or go on where a killed run stopped) and write the weights.
 
     Args:
-        run_folder: data sets, checkpoints and `log.csv`.
+        run_folder: data sets, and for each member a folder with checkpoints and `log.csv`.
         output: the `.safetensors` file, replaced once training is complete.
 
     Returns:
-        Mean errors on the held-out samples.
+        Scores of the ensemble, and of each member by itself: how far those differ is what another
+        training may differ by.
     """
     rank, world = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
     run_folder.mkdir(parents=True, exist_ok=True)
@@ -99,17 +106,25 @@ def train(
     if world > 1:
         torch.distributed.barrier()
     training_set, held_out_set = _data_sets(config, run_folder, workers, None)
-    run = _Run(config, run_folder, torch.device(choose_device(device)), rank, world)
-    run.finish(training_set, on_step)
-    scores = evaluate(run.network, held_out_set, config)
+    members: list[torch.nn.Module] = []
+    for number in range(config.members):
+        run = _Run(config, number, run_folder, torch.device(choose_device(device)), rank, world)
+        run.finish(training_set, on_step)
+        members.append(run.network)
+    ensemble = Ensemble(members)
     if rank == 0:
-        run.save()
         checksums = {name: load_category(name).canonical_sha256 for name in config.categories}
-        save_weights(output, run.network, WeightsInfo(config.network, checksums))
-    return scores
+        save_weights(output, ensemble, WeightsInfo(config.network, checksums))
+    alone = [evaluate(member, held_out_set, config) for member in members]
+    return evaluate(ensemble, held_out_set, config), alone
 
 
-def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig) -> dict[str, float]:
+def member_folder(run_folder: Path, number: int) -> Path:
+    """Where a member's checkpoints and log lie."""
+    return run_folder / f"member_{number}"
+
+
+def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig) -> Scores:
     """Mean held-out terms, with augmentation of a fixed seed."""
     rng = np.random.default_rng(HELD_OUT_SEED)
     network.eval()
@@ -131,11 +146,16 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
 
 
 class _Run:
-    """Network and optimiser, restored from the last checkpoint of the folder."""
+    """Network and optimiser of one member, restored from its last checkpoint."""
 
-    def __init__(self, config: TrainingConfig, folder: Path, device: torch.device, rank: int, world: int):
-        torch.manual_seed(config.seed)
-        self.config, self.folder, self.device, self.rank, self.world = config, folder, device, rank, world
+    def __init__(
+        self, config: TrainingConfig, member: int, folder: Path, device: torch.device, rank: int, world: int
+    ):
+        self.config, self.member, self.folder = config, member, member_folder(folder, member)
+        self.device, self.rank, self.world = device, rank, world
+        self.seed = config.seed + member
+        self.folder.mkdir(exist_ok=True)
+        torch.manual_seed(self.seed)
         self.network = build_network(config.network, len(config.categories))
         channels_last(self.network, device)
         self.optimiser = torch.optim.AdamW(
@@ -165,13 +185,14 @@ class _Run:
                 recent.clear()
                 self.log(values)
                 if on_step:
-                    on_step(Progress(self.step, self.config.steps, values, speed))
-            if self.step % CHECKPOINT_STEPS == 0:
+                    done, total = self.member * self.config.steps, self.config.members * self.config.steps
+                    on_step(Progress(done + self.step, total, values, speed))
+            if self.step % CHECKPOINT_STEPS == 0 or self.step == self.config.steps:
                 self.save()
 
     def batch_of(self, number: int, dataset: Dataset):
         # Every batch follows from its number alone, so a resumed run sees what an unbroken one would.
-        rng = np.random.default_rng([self.config.seed, 4, number, self.rank])
+        rng = np.random.default_rng([self.seed, 4, number, self.rank])
         indices = rng.integers(len(dataset), size=self.config.batch // self.world)
         return training_batch(dataset, np.sort(indices), rng)
 
@@ -192,7 +213,7 @@ class _Run:
 
     def save(self):
         state = {
-            "config": json.dumps(asdict(self.config)),
+            "config": json.dumps(self._settings()),
             "step": self.step,
             "seconds": self.seconds,
             "network": self.network.state_dict(),
@@ -221,12 +242,18 @@ class _Run:
         self.optimiser.load_state_dict(state["optimiser"])
         self.step, self.seconds = state["step"], state["seconds"]
 
+    def _settings(self) -> dict:
+        """What this member depends on: how many others there are does not matter."""
+        settings = asdict(self.config) | {"seed": self.seed}
+        del settings["members"]
+        return settings
+
     def _latest_checkpoint(self) -> dict | None:
         """The newest checkpoint that an unbroken run with these settings would have passed.
 
         Until the learning rate falls, a run is the same whatever number of steps it was started for.
         """
-        own = json.loads(json.dumps(asdict(self.config)))
+        own = json.loads(json.dumps(self._settings()))
         for name in (FALLING_RATE, FULL_RATE):
             path = self.folder / name
             if not path.exists():

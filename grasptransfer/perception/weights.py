@@ -1,16 +1,20 @@
-"""Trained networks on disk: safetensors with what they were trained for, checked by checksum."""
+"""Trained ensembles on disk: safetensors with what they were trained for, checked by checksum."""
 
 import hashlib
 import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from grasptransfer.category import objects_folder
 from grasptransfer.errors import WeightsError
 from grasptransfer.perception.confidence import Confidence
 
-FORMAT_VERSION = 3
+if TYPE_CHECKING:
+    from grasptransfer.perception.networks.ensemble import Ensemble
+
+FORMAT_VERSION = 4
 
 
 @dataclass(frozen=True)
@@ -18,7 +22,7 @@ class WeightsInfo:
     """What a weight file says of itself.
 
     Args:
-        network: name for `build_network`.
+        network: name of its members for `build_network`.
         categories: canonical checksum of each category it was trained on, in the order of their numbers.
         confidence: how sure its estimates may be.
     """
@@ -28,17 +32,18 @@ class WeightsInfo:
     confidence: Confidence = field(default_factory=Confidence)
 
 
-def save_weights(path: Path, network, info: WeightsInfo):
+def save_weights(path: Path, ensemble: "Ensemble", info: WeightsInfo):
     """Write half-precision weights, with the checksum of the tensors in the header."""
     import torch
     from safetensors.torch import save_file
 
     tensors = {
-        name: tensor.detach().to(torch.float16).contiguous() for name, tensor in network.state_dict().items()
+        name: tensor.detach().to(torch.float16).contiguous() for name, tensor in ensemble.state_dict().items()
     }
     header = {
         "format_version": str(FORMAT_VERSION),
         "network": info.network,
+        "members": str(len(ensemble.members)),
         "categories": json.dumps(info.categories),
         "confidence": json.dumps(info.confidence.as_data()),
         "sha256": _digest(tensors),
@@ -48,8 +53,8 @@ def save_weights(path: Path, network, info: WeightsInfo):
     os.replace(unfinished, path)
 
 
-def load_weights(path: Path):
-    """The network (evaluation mode, float32) and its `WeightsInfo`.
+def load_weights(path: Path) -> tuple["Ensemble", WeightsInfo]:
+    """The ensemble (evaluation mode, float32) and its `WeightsInfo`.
 
     Raises:
         WeightsError: missing, unreadable, of another version, or its checksum does not match.
@@ -57,6 +62,7 @@ def load_weights(path: Path):
     from safetensors import SafetensorError, safe_open
 
     from grasptransfer.perception.networks import build_network, network_names
+    from grasptransfer.perception.networks.ensemble import Ensemble
 
     if not path.is_file():
         raise WeightsError("trained weights are missing", path=path, fix="Train them: grasptransfer train")
@@ -79,10 +85,11 @@ def load_weights(path: Path):
     if header["network"] not in network_names():
         raise WeightsError("unknown network", path=path, value=header["network"], choices=network_names())
     categories = json.loads(header["categories"])
-    network = build_network(header["network"], len(categories))
-    network.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
+    members = (build_network(header["network"], len(categories)) for _ in range(int(header["members"])))
+    ensemble = Ensemble(members)
+    ensemble.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
     confidence = Confidence.from_data(json.loads(header.get("confidence", "{}")))
-    return network.eval(), WeightsInfo(header["network"], categories, confidence)
+    return ensemble.eval(), WeightsInfo(header["network"], categories, confidence)
 
 
 def find_weights(category: str) -> Path:

@@ -1,0 +1,32 @@
+"""Several networks trained alike from other beginnings: what each errs by itself, their mean errs less."""
+
+from collections.abc import Iterable
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from grasptransfer.perception.networks import Prediction
+
+
+class Ensemble(nn.Module):
+    """The mean of its members' predictions; every weight file holds one.
+
+    Args:
+        members: networks of one kind, for the same categories; at least one.
+    """
+
+    def __init__(self, members: Iterable[nn.Module]):
+        super().__init__()
+        self.members = nn.ModuleList(members)
+
+    def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
+        """Predict as a single network does, in single precision."""
+        predictions = [member(pictures, category) for member in self.members]
+        return Prediction(*map(_mean, zip(*predictions, strict=True)))
+
+
+def _mean(parts: tuple[Tensor | None, ...]) -> Tensor | None:
+    """None where the kind of network lacks a head."""
+    present = [part.float() for part in parts if part is not None]
+    return torch.stack(present).mean(0) if present else None
