@@ -19,7 +19,7 @@ from rich.markup import escape
 
 from grasptransfer.annotator.command_line import annotate
 from grasptransfer.benchmark.command_line import COMMANDS as BENCHMARKS
-from grasptransfer.errors import GraspTransferError, SettingsError
+from grasptransfer.errors import GraspTransferError, SettingsError, check_seed
 from grasptransfer.report.category_command_line import COMMANDS as CATEGORY
 from grasptransfer.report.command_line import demo, simulate, transfer
 from grasptransfer.report.progress import progress_bar
@@ -225,8 +225,7 @@ def _checked(command: Callable[..., int]) -> Callable[..., int]:
 
     @functools.wraps(command)
     def checked(*positional, **options) -> int:
-        if options.get("seed", 0) < 0:
-            raise SettingsError("must be 0 or more", key="seed", value=options["seed"])
+        check_seed(options.get("seed", 0))
         return command(*positional, **options)
 
     return checked

@@ -109,3 +109,13 @@ class SettingsError(GraspTransferError):
 
 class NotSucceeded(GraspTransferError):
     """Raised only under `strict=True`: the method ran and did not succeed."""
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that no random generator takes.
+
+    Raises:
+        SettingsError: it is negative.
+    """
+    if seed < 0:
+        raise SettingsError("must be 0 or more", key="seed", value=seed)

@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import CategoryError, NotSucceeded, SettingsError
+from grasptransfer.errors import CategoryError, NotSucceeded, check_seed
 from grasptransfer.grasping import (
     CollisionWorld,
     GraspCheck,
@@ -83,8 +83,7 @@ class GraspTransfer:
         device: str = "auto",
         seed: int = 0,
     ):
-        if seed < 0:
-            raise SettingsError("must be 0 or more", key="seed", value=seed)
+        check_seed(seed)
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
         self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))

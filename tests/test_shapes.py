@@ -124,6 +124,11 @@ def test_an_unknown_category_or_parameter_is_answered_with_the_choices():
         shapes.sample("mug", 0, colour="red")
 
 
+def test_a_negative_seed_is_refused():
+    with pytest.raises(SettingsError, match="seed: must be 0 or more"):
+        shapes.sample("mug", -1)
+
+
 def test_a_mug_is_hollow_and_its_handle_points_forward():
     for seed in SEEDS:
         shape = shapes.sample("mug", seed)

@@ -7,7 +7,7 @@ and a `build(parameters, seed)` that makes a `Shape`. Samples of a category shar
 from functools import lru_cache
 from importlib import import_module, util
 
-from grasptransfer.errors import CategoryError, SettingsError
+from grasptransfer.errors import CategoryError, SettingsError, check_seed
 from grasptransfer.shapes.correspondence import SurfaceLocator, corresponding_points
 from grasptransfer.shapes.shape import Material, Part, Shape
 
@@ -47,11 +47,12 @@ def sample(category: str, seed: int, **fixed) -> Shape:
 
     Raises:
         CategoryError: there is no parametric model of that name.
-        SettingsError: a parameter is unknown.
+        SettingsError: a parameter is unknown, or the seed negative.
     """
     import numpy as np
 
     module = _module(category)
+    check_seed(seed)
     rng = np.random.default_rng(seed)
     parameters = module.PARAMETERS.draw(rng)
     return module.build(_fix(parameters, fixed), rng)
