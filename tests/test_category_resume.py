@@ -1,9 +1,11 @@
 """A build that is killed, at any moment, resumes and gives the same bytes."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -37,9 +39,28 @@ def meshes(tmp_path_factory):
     return write_vases(tmp_path_factory.mktemp("vases"))
 
 
+@dataclass(frozen=True)
+class Undisturbed:
+    """A build that nothing killed: its folder, and the results it kept until its end."""
+
+    folder: Path
+    results: Path
+
+
 @pytest.fixture(scope="module")
 def undisturbed(meshes, tmp_path_factory):
-    return build_vases(meshes, tmp_path_factory.mktemp("undisturbed") / "vase").category.folder
+    folder = tmp_path_factory.mktemp("undisturbed")
+    kept, results = folder / ".vase.build", folder / "results"
+    built = build_vases(meshes, folder / "vase", finish=lambda _: shutil.copytree(kept, results))
+    return Undisturbed(built.category.folder, results)
+
+
+@pytest.fixture
+def nearly_built(undisturbed, tmp_path):
+    """Where a category is to be written all of whose results are there: a build goes on with writing."""
+    (tmp_path / "out").mkdir()
+    shutil.copytree(undisturbed.results, tmp_path / "out" / ".vase.build")
+    return tmp_path / "out" / "vase"
 
 
 def run_until_killed(meshes: Path, out: Path, step: str) -> None:
@@ -66,27 +87,27 @@ def test_a_build_killed_half_way_resumes_and_gives_the_same_bytes(meshes, undist
     first = {step: next(one for one in seen if one.step == step) for step in ("check", "register")}
     assert first["check"].done == 5
     assert first["register"].done >= 2
-    assert contents(out) == contents(undisturbed)
+    assert contents(out) == contents(undisturbed.folder)
     assert [path.name for path in out.parent.iterdir()] == ["vase"]
 
 
-def test_a_build_killed_while_it_replaces_a_category_loses_neither(meshes, undisturbed, tmp_path):
-    out = tmp_path / "out" / "vase"
-    out.mkdir(parents=True)
+def test_a_build_killed_while_it_replaces_a_category_loses_neither(meshes, undisturbed, nearly_built):
+    out = nearly_built
+    out.mkdir()
     (out / "grasps.yaml").write_text("grasps: mine\n")
     run_until_killed(meshes, out, "write")
     assert not out.exists()
     build_vases(meshes, out)
-    assert contents(out) == {**contents(undisturbed), "grasps.yaml": b"grasps: mine\n"}
+    assert contents(out) == {**contents(undisturbed.folder), "grasps.yaml": b"grasps: mine\n"}
     assert [path.name for path in out.parent.iterdir()] == ["vase"]
 
 
-def test_a_build_killed_while_its_page_is_drawn_can_be_finished(meshes, undisturbed, tmp_path):
-    out = tmp_path / "out" / "vase"
+def test_a_build_killed_while_its_page_is_drawn_can_be_finished(meshes, undisturbed, nearly_built):
+    out = nearly_built
     run_until_killed(meshes, out, "page")
-    assert contents(out) == contents(undisturbed)
+    assert contents(out) == contents(undisturbed.folder)
     drawn = []
     build_vases(meshes, out, finish=drawn.append)
     assert len(drawn) == 1
-    assert contents(out) == contents(undisturbed)
+    assert contents(out) == contents(undisturbed.folder)
     assert [path.name for path in out.parent.iterdir()] == ["vase"]
