@@ -92,3 +92,37 @@ def test_a_point_far_outside_the_mask_counts_less_than_one_as_far_inside():
     _, _, weight = silhouette.residuals(pixels)
     assert weight[3] < 0.1 * weight[0]
     assert weight[2] > 0.5 * weight[1]
+
+
+def _disc_with_finger(radius: float, length: float) -> np.ndarray:
+    """Probability (48, 64) of a disc from which a bar 16 px wide sticks out to the right."""
+    v, u = np.mgrid[0:48, 0:64] * 4 + 1.5
+    bar = (np.abs(v - CAMERA.cy) < 8) & (u > CAMERA.cx) & (u < CAMERA.cx + radius + length)
+    return np.maximum(_disc(radius), bar)
+
+
+def test_the_tip_of_an_uncovered_part_asks_for_the_model_from_its_whole_length():
+    points = _ball(0.05)
+    seen = CAMERA.fx * 0.05 / np.sqrt(0.5**2 - 0.05**2)
+    silhouette = Silhouette(_disc_with_finger(seen, 20.0), CAMERA, _draw_ball)
+    meetings = silhouette.meetings(points, POSE)
+    distance, slope, weight = meetings.residuals(
+        CAMERA.project(points[meetings.vertices] @ POSE[:3, :3].T + POSE[:3, 3])
+    )
+    of_outline = slice(len(meetings.vertices) - len(meetings.border))
+    tip = np.argmax(distance)
+    assert distance[of_outline].max() < 10  # half the bar's width is the farthest from any border
+    assert 17 < distance[tip] < 23
+    np.testing.assert_allclose(slope[tip], [-1, 0], atol=0.1)
+    assert weight[tip] > 0
+
+
+def test_no_border_is_met_where_the_mask_is_cut_off_by_the_picture():
+    u = np.mgrid[0:48, 0:64][1]
+    silhouette = Silhouette((u > 15).astype(float), CAMERA, _draw_ball)
+    pixels, normals = silhouette.border
+    np.testing.assert_allclose(pixels[:, 0], pixels[0, 0], atol=0.5)
+    np.testing.assert_allclose(normals, np.tile([1.0, 0.0], (len(normals), 1)), atol=0.1)
+    far = silhouette.meetings(_ball(0.02), POSE)
+    assert len(far.border) == 0  # nothing of the model is near
+    assert len(far.vertices) > 0

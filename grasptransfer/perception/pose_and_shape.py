@@ -9,11 +9,11 @@ offsets alone (eq. 13); flow says more where the shape is seen, and tells pose f
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
-from grasptransfer.perception.silhouette import Silhouette
+from grasptransfer.perception.silhouette import Meetings, Silhouette
 from grasptransfer.registration import PosePrior
 
 # Neighbouring cells err together, and much of what they say the latent prior from the same picture has
@@ -153,12 +153,12 @@ class _Evidence:
     model: tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 3 k"]]
     camera: Camera
     outline: Outline | None
-    border: Int[np.ndarray, "b"] | None = None  # vertices on the outline, once searched
+    meetings: Meetings | None = None  # of outline and mask, once searched
 
     def search_outline(self, pose, latent):
         """Find the vertices that lie on the model's outline now."""
         if self.outline is not None and self.outline.silhouette.usable:
-            self.border = self.outline.silhouette.outline(self.outline.shaped(latent), pose)
+            self.meetings = self.outline.silhouette.meetings(self.outline.shaped(latent), pose)
 
     def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
         """Of flow, offsets and outline together."""
@@ -167,8 +167,8 @@ class _Evidence:
             _offset_terms(self.motion, mean, basis, latent),
             _flow_terms(self.motion, self.points + mean + basis @ latent, basis, self.camera, pose),
         ]
-        if self.outline is not None and self.border is not None:
-            terms.append(_outline_terms(self.outline, self.border, latent, pose))
+        if self.outline is not None and self.meetings is not None:
+            terms.append(_outline_terms(self.outline, self.meetings, latent, pose))
         hessians, gradients = zip(*terms, strict=True)
         return np.sum(hessians, axis=0), np.sum(gradients, axis=0)
 
@@ -239,13 +239,13 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     return np.einsum("cdk,cdl->kl", rows, jacobian), np.einsum("cdk,cd->k", rows, residual)
 
 
-def _outline_terms(outline: Outline, border, latent, pose):
-    """Hessian and gradient of the outline's distances to the mask's border."""
+def _outline_terms(outline: Outline, meetings: Meetings, latent, pose):
+    """Hessian and gradient of the distances between outline and mask's border."""
     camera = outline.silhouette.camera
-    turned = outline.shaped(latent)[border] @ pose[:3, :3].T
+    turned = outline.shaped(latent)[meetings.vertices] @ pose[:3, :3].T
     seen = turned + pose[:3, 3]
-    distance, slope, weight = outline.silhouette.residuals(camera.project(seen))
-    by_pixel = _pixel_jacobian(turned, seen, outline.basis[border], camera, pose)
+    distance, slope, weight = meetings.residuals(camera.project(seen))
+    by_pixel = _pixel_jacobian(turned, seen, outline.basis[meetings.vertices], camera, pose)
     jacobian = np.einsum("pd,pdk->pk", slope, by_pixel)
     rows = jacobian * weight[:, None]
     return rows.T @ jacobian, rows.T @ distance

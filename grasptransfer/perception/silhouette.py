@@ -1,8 +1,9 @@
 """Fit of the reconstruction's outline to the predicted mask, as residuals for Gauss-Newton.
 
-Points of the model that lie on its outline should be seen on the mask's border: the residual is the
-signed distance to that border at the point's pixel. Where the network's flow is vague, the border of
-its mask is sharp.
+Where the network's flow is vague, the border of its mask is sharp. Points of the model that lie on its
+outline should be seen on that border, and each point of the border should be met by one of the model's:
+the one alone leaves parts of the mask uncovered that no outline is near, the other parts of the model
+outside it. A residual is a signed distance to the border, positive inside.
 """
 
 from collections.abc import Callable
@@ -10,18 +11,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from PIL import Image
 from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.spatial import KDTree
 
 from grasptransfer.camera import Camera
 
 BORDER_SCALE = 2.0  # px: Laplace scale of the predicted border's error
-INDEPENDENT_POINTS = 30.0  # all outline points together count as this many independent ones
+INDEPENDENT_POINTS = 30.0  # all points of the outline count as this many independent ones, the border's too
+BORDER_POINTS = 200  # about so many of the mask's border are looked at
 OUTLINE = 1.5  # px: how near to the model's own border a point counts as on it
 HIDDEN = 4.0  # px: from here on, a point outside the mask is rather hidden by something than misplaced
 FARTHEST = 30.0  # px: farther borders belong to something else, such as what hides the object
 
+# Distances [px], their derivatives by the pixel, and the weights of their squares.
+Residuals = tuple[Float[np.ndarray, "p"], Float[np.ndarray, "p 2"], Float[np.ndarray, "p"]]
 Drawn = Callable[[Float[np.ndarray, "v 3"], Float[np.ndarray, "4 4"]], Float[np.ndarray, "h w"]]
 
 
@@ -58,28 +63,86 @@ class Silhouette:
         # Of a mask that is one faint cell, nothing is left at full size.
         return bool(np.isfinite(self.distance).all())
 
-    def outline(self, vertices: Float[np.ndarray, "v 3"], pose: Float[np.ndarray, "4 4"]) -> np.ndarray:
-        """Indices of the vertices (object frame [m]) that lie on the model's outline at this pose."""
+    def meetings(self, vertices: Float[np.ndarray, "v 3"], pose: Float[np.ndarray, "4 4"]) -> "Meetings":
+        """Which of the model's vertices (object frame [m]) are to meet the mask's border at this pose."""
         own = _signed_distance(self.draw_depth(vertices, pose) > 0)
         pixels = self.camera.project(vertices @ pose[:3, :3].T + pose[:3, 3])
         on_border = np.abs(_sample(own, pixels)) < OUTLINE
         inside = (pixels > 0).all(1) & (pixels < [self.camera.width - 1, self.camera.height - 1]).all(1)
-        return np.nonzero(on_border & inside)[0]
+        outline = np.nonzero(on_border & inside)[0]
+        nearest, border = self._nearest_to_border(pixels[outline])
+        return Meetings(self, np.concatenate([outline, outline[nearest]]), border)
 
-    def residuals(
+    def _nearest_to_border(
         self, pixels: Float[np.ndarray, "p 2"]
-    ) -> tuple[Float[np.ndarray, "p"], Float[np.ndarray, "p 2"], Float[np.ndarray, "p"]]:
-        """Distance to the mask's border, its derivative by the pixel, and the weight of its square.
+    ) -> tuple[Int[np.ndarray, "q"], Int[np.ndarray, "q"]]:
+        """For each point of the mask's border the nearest of these pixels: indices of both."""
+        border, _ = self.border
+        if len(pixels) == 0 or len(border) == 0:
+            return np.zeros(0, int), np.zeros(0, int)
+        apart, nearest = KDTree(pixels).query(border)
+        near = np.nonzero(apart < FARTHEST)[0]
+        return nearest[near], near
 
-        A point inside the mask is misplaced for certain; one outside may lie behind what stands before the
-        object, and counts the less the farther out it lies.
+    @cached_property
+    def border(self) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p 2"]]:
+        """Pixels on the mask's border, and their unit normals into the mask.
+
+        Where the mask goes on beyond the picture, there is none.
         """
+        v, u = np.nonzero((self.distance > 0) & (self.distance < 1))
+        pixels = np.stack([u, v], -1)[:: max(1, len(u) // BORDER_POINTS)].astype(float)
+        normals = self._slope_at(pixels)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+        return pixels - _sample(self.distance, pixels)[:, None] * normals, normals
+
+    def residuals(self, pixels: Float[np.ndarray, "p 2"]) -> Residuals:
+        """Of outline points seen at these pixels: distance to the mask's border."""
         distance = _sample(self.distance, pixels)
-        slope = np.stack([_sample(self.slope[0], pixels), _sample(self.slope[1], pixels)], -1)
-        weight = 1 / (BORDER_SCALE * np.sqrt(distance**2 + BORDER_SCALE**2))
-        weight *= np.abs(distance) < FARTHEST
-        weight /= 1 + (np.minimum(distance, 0) / HIDDEN) ** 2
-        return distance, slope, weight * min(1.0, INDEPENDENT_POINTS / max(len(pixels), 1))
+        return distance, self._slope_at(pixels), _weight(distance) * (np.abs(distance) < FARTHEST)
+
+    def residuals_of_border(
+        self, pixels: Float[np.ndarray, "q 2"], points: Int[np.ndarray, "q"]
+    ) -> Residuals:
+        """Of these points of the mask's border, met by model points seen at these pixels."""
+        border, normals = (part[points] for part in self.border)
+        distance = np.sum((pixels - border) * normals, axis=1)
+        return distance, normals, _weight(distance)
+
+    def _slope_at(self, pixels: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 2"]:
+        return np.stack([_sample(self.slope[0], pixels), _sample(self.slope[1], pixels)], -1)
+
+
+@dataclass(frozen=True)
+class Meetings:
+    """Vertices of the model, and where on the mask's border they are to be seen.
+
+    Args:
+        vertices: indices; those on the model's outline, which meet the border anywhere, come first.
+        border: of the others: indices of the border points that they are the nearest to.
+    """
+
+    silhouette: Silhouette
+    vertices: Int[np.ndarray, "b"]
+    border: Int[np.ndarray, "q"]
+
+    def residuals(self, pixels: Float[np.ndarray, "b 2"]) -> Residuals:
+        """Of the vertices seen at these pixels."""
+        anywhere = len(self.vertices) - len(self.border)
+        outer = self.silhouette.residuals(pixels[:anywhere])
+        inner = self.silhouette.residuals_of_border(pixels[anywhere:], self.border)
+        distance, slope, weight = (np.concatenate(parts) for parts in zip(outer, inner, strict=True))
+        return distance, slope, weight
+
+
+def _weight(distance: Float[np.ndarray, "p"]) -> Float[np.ndarray, "p"]:
+    """A point inside the mask is misplaced for certain.
+
+    One outside may lie behind what stands before the object, and counts the less the farther out it is.
+    """
+    weight = 1 / (BORDER_SCALE * np.sqrt(distance**2 + BORDER_SCALE**2))
+    weight /= 1 + (np.minimum(distance, 0) / HIDDEN) ** 2
+    return weight * min(1.0, INDEPENDENT_POINTS / max(len(distance), 1))
 
 
 def _signed_distance(mask: np.ndarray) -> Float[np.ndarray, "h w"]:
