@@ -10,14 +10,13 @@ import sys
 
 import grasptransfer as gt
 from grasptransfer.category import objects_folder
-from grasptransfer.report.pose_file import load_pose
 from grasptransfer.report.transfer_files import execute_best
 
 DEMO = objects_folder() / "mug" / "demo"
 
 
 def main():
-    camera, pose = gt.Camera.load(DEMO / "camera.yaml"), load_pose(DEMO / "pose.yaml")
+    camera, pose = gt.Camera.load(DEMO / "camera.yaml"), gt.load_pose(DEMO / "pose.yaml")
     result = gt.transfer_grasps(DEMO / "picture.png", pose, "mug", camera=camera)
     print(f"{len(result.usable)} of {len(result.grasps)} grasps are usable, the best first:")
     for grasp in result.grasps:
@@ -26,7 +25,7 @@ def main():
     # Only the simulator knows the true mesh and the true pose.
     mesh = result.category.instance_mesh("mug_0020")
     most = 1 if "--quick" in sys.argv else 3
-    trials = execute_best(result, mesh, load_pose(DEMO / "truth.yaml"), most=most)
+    trials = execute_best(result, mesh, gt.load_pose(DEMO / "truth.yaml"), most=most)
     for trial in trials:
         print(f"{trial.grasp}: {trial.status.value} after {trial.phase}, slipped {trial.slip_mm:.1f} mm")
     print(f"Look at {result.report('transfer.html', trials=trials)}")

@@ -12,7 +12,6 @@ from pathlib import Path
 import grasptransfer as gt
 from grasptransfer.category import objects_folder
 from grasptransfer.grasping.frames_table import draw_frames, frames_table
-from grasptransfer.report.pose_file import load_pose
 
 FINGER = """
   <link name="{name}"><collision><origin xyz="0 {centre} 0.04"/><geometry><box size="0.01 0.006 0.08"/>
@@ -53,7 +52,7 @@ def main():
     print(f"Look at {draw_frames(gripper, 'slim.png')}\n")
 
     # Grasps are annotated at the TCP, so they go from one gripper to the other as they are.
-    camera, pose = gt.Camera.load(DEMO / "camera.yaml"), load_pose(DEMO / "pose.yaml")
+    camera, pose = gt.Camera.load(DEMO / "camera.yaml"), gt.load_pose(DEMO / "pose.yaml")
     flow = gt.GraspTransfer("mug", gripper="panda")
     for hand in ("panda", gripper):
         flow = gt.GraspTransfer("mug", gripper=hand, estimator=flow.estimator)

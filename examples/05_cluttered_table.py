@@ -14,7 +14,6 @@ import grasptransfer as gt
 from grasptransfer.category import objects_folder
 from grasptransfer.frames import rigid
 from grasptransfer.report.grasp_sheet import grasp_sheet
-from grasptransfer.report.pose_file import load_pose
 
 DEMO = objects_folder() / "mug" / "demo"
 
@@ -36,7 +35,7 @@ def clutter(camera_from_object: np.ndarray, bottom: float) -> gt.Scene:
 
 
 def main():
-    camera, pose = gt.Camera.load(DEMO / "camera.yaml"), load_pose(DEMO / "pose.yaml")
+    camera, pose = gt.Camera.load(DEMO / "camera.yaml"), gt.load_pose(DEMO / "pose.yaml")
     flow = gt.GraspTransfer("mug")
     empty = flow.transfer(DEMO / "picture.png", pose, camera=camera)
     # The refined pose and the reconstruction say where the table is.

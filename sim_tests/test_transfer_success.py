@@ -5,7 +5,6 @@ import yaml
 
 import grasptransfer as gt
 from grasptransfer.frames import invert
-from grasptransfer.report.pose_file import load_pose
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +25,12 @@ def test_a_grasp_from_the_bundled_picture_is_held_on_the_true_mug(mug):
     folder = mug.folder / "demo"
     result = gt.transfer_grasps(
         folder / "picture.png",
-        load_pose(folder / "pose.yaml"),
+        gt.load_pose(folder / "pose.yaml"),
         mug,
         camera=gt.Camera.load(folder / "camera.yaml"),
     )
     truth = yaml.safe_load((folder / "truth.yaml").read_text())
-    object_from_camera = invert(load_pose(folder / "truth.yaml"))
+    object_from_camera = invert(gt.load_pose(folder / "truth.yaml"))
     executed = [
         _Placed(grasp.name, object_from_camera @ grasp.camera_from_gripper, grasp.width, grasp.opening)
         for grasp in result.usable
