@@ -1,8 +1,8 @@
 """Annotate grasps of a category without a browser, as a script would.
 
-In the browser it is `pip install "grasptransfer[annotate]"`, then `grasptransfer annotate mug`: drag the
-gripper, watch the checks, press save. Both edit the same session. Writes `my_grasps.yaml`, which
-`load_grasps` reads and a person can edit by hand, and `my_grasps.png`: look at it.
+In the browser it is `grasptransfer annotate mug` (needs `pip install viser`): drag the gripper, watch the
+checks, press save. Both edit the same session. Writes `my_grasps.yaml`, which `load_grasps` reads and a
+person can edit by hand, and `my_grasps.png`: look at it.
 
 Usage: python examples/03_annotate.py
 """

@@ -69,6 +69,13 @@ def test_wrong_input_ends_with_code_2_and_names_the_choices(arguments, word, cap
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_benchmark_that_could_not_be_written_is_not_run(capsys, tmp_path):
+    (tmp_path / "file").touch()
+    code, _, err = _run(["bench", "cpd", "--json", str(tmp_path / "file" / "new" / "x.json")], capsys)
+    assert code == 2
+    assert f"x.json: json: cannot be written. Not into {tmp_path}/file" in err
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """Right and wrong files for `transfer`."""

@@ -49,9 +49,7 @@ def annotate(
     try:
         import viser
     except ImportError as error:
-        raise SettingsError(
-            "the package viser is missing", key="annotate", fix='pip install "grasptransfer[annotate]"'
-        ) from error
+        raise SettingsError("the package viser is missing", fix="pip install viser") from error
     if not 0 < port < 65536:
         raise SettingsError("must lie between 1 and 65535", key="port", value=port)
     loaded = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)

@@ -88,7 +88,11 @@ class Session:
         return tuple(self._grasps.values())
 
     def grasp(self, name: str) -> Grasp:
-        """One grasp by name."""
+        """One grasp by name.
+
+        Raises:
+            SettingsError: there is none; lists the names.
+        """
         if name not in self._grasps:
             raise SettingsError("is no grasp here", key="grasp", value=name, choices=self.names)
         return self._grasps[name]
@@ -131,7 +135,15 @@ class Session:
         approach_distance: float | None = None,
         confidence: float | None = None,
     ) -> None:
-        """Change what is said about a grasp, not where it is."""
+        """Change what is said about a grasp, not where it is.
+
+        Args:
+            approach_distance: the straight way in [m].
+            confidence: in [0, 1].
+
+        Raises:
+            SettingsError: no such grasp, or a number out of range.
+        """
         changes = {"label": label, "approach_distance": approach_distance, "confidence": confidence}
         changes = {key: value for key, value in changes.items() if value is not None}
         for key in ("approach_distance", "confidence"):

@@ -62,7 +62,7 @@ def find_sources(folder: Path, test: tuple[str, ...] = ()) -> list[Source]:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise CategoryError("is not a folder", key="meshes", value=str(folder))
+        raise CategoryError("is not a folder", path=folder)
     roots = [(folder / kind, kind == "test") for kind in ("train", "test") if (folder / kind).is_dir()]
     found: dict[str, Source] = {}
     for root, is_test in roots or [(folder, False)]:

@@ -1,5 +1,6 @@
 """Run a benchmark under a progress bar, write its JSON and print its figures."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,8 +26,7 @@ def run(benchmark: Callable[..., dict], json: Path) -> int:
     from grasptransfer.benchmark.document import write_document
     from grasptransfer.benchmark.tables import rows_table
 
-    if json.is_dir():
-        raise SettingsError("is a folder", path=json, key="json", fix="Give a file")
+    _check_place(json)
     with progress_bar(console) as progress:
         task = progress.add_task("instances", total=None)
         result = benchmark(progress=lambda done, total: progress.update(task, completed=done, total=total))
@@ -38,6 +38,15 @@ def run(benchmark: Callable[..., dict], json: Path) -> int:
     console.print(_summary_table(result))
     console.print(f"Rows and settings: {json}")
     return 0
+
+
+def _check_place(json: Path) -> None:
+    """Refuse before hours of work what could not be written after them."""
+    if json.is_dir():
+        raise SettingsError("is a folder", path=json, key="json", fix="Give a file")
+    folder = next(above for above in json.absolute().parents if above.exists())
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise SettingsError("cannot be written", path=json, key="json", fix=f"Not into {folder}")
 
 
 def ledger_of(json: Path) -> Path:
