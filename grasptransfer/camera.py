@@ -51,7 +51,11 @@ class Camera:
         """Centred camera with square pixels.
 
         Args:
+            width, height: of the picture [px].
             horizontal_fov: radians between the outer edges of the first and last column.
+
+        Raises:
+            CameraError: an angle that no picture has.
         """
         if not 0 < horizontal_fov < np.pi:
             raise CameraError("must lie between 0 and pi radians", key="horizontal_fov", value=horizontal_fov)
@@ -60,7 +64,11 @@ class Camera:
 
     @staticmethod
     def from_matrix(matrix: object, width: int, height: int) -> "Camera":
-        """Camera of a 3x3 intrinsic matrix [px]."""
+        """Camera of a 3x3 intrinsic matrix [px].
+
+        Raises:
+            CameraError: another shape, not numbers, or skew.
+        """
         try:
             k = np.array(matrix, dtype=float)
         except (TypeError, ValueError) as error:
@@ -73,7 +81,11 @@ class Camera:
 
     @staticmethod
     def load(path: str | Path) -> "Camera":
-        """Read a YAML or JSON camera file: `fx fy cx cy width height`, or BOP's `cam_K width height`."""
+        """Read a YAML or JSON camera file: `fx fy cx cy width height` [px], or BOP's `cam_K width height`.
+
+        Raises:
+            CameraError: unreadable, a key is missing or no number; names file and key.
+        """
         path = Path(path)
         data = read_yaml(path, error=CameraError)
         names = [field.name for field in dataclasses.fields(Camera)]

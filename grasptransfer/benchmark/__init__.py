@@ -1,0 +1,1 @@
+"""What `grasptransfer bench` measures: accuracy, grasp success and speed, with baselines in the same run."""

@@ -42,7 +42,11 @@ class LatencySettings:
 def run_latency_benchmark(
     settings: LatencySettings, *, progress: Callable[[int, int], None] | None = None
 ) -> dict:
-    """Milliseconds of every stage, as the contract's JSON document."""
+    """Milliseconds of every stage, as the contract's JSON document.
+
+    Raises:
+        SettingsError: no views.
+    """
     if settings.views < 1:
         raise SettingsError("must be at least 1", key="views", value=settings.views)
     rows: list[dict] = []

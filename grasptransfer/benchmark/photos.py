@@ -97,6 +97,9 @@ def run_photo_benchmark(
     Args:
         workers: processes; each takes one object's photographs at a time.
         ledger: file that an interrupted run resumes from.
+
+    Raises:
+        SettingsError: `photos.yaml` is wrong, or holds no photograph of the categories.
     """
     photos = [photo for photo in read_photos(settings.photos) if photo.category in settings.categories]
     if not photos:
@@ -122,7 +125,7 @@ def read_photos(folder: Path) -> list[Photo]:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
         return TypeAdapter(list[Photo]).validate_python(data)
     except OSError as error:
-        raise SettingsError("cannot be read", path=path, fix=str(error)) from error
+        raise SettingsError("cannot be read", path=path, fix=error.strerror) from error
     except yaml.YAMLError as error:
         raise SettingsError(f"is not valid YAML: {error}", path=path) from error
     except ValidationError as error:

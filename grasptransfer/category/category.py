@@ -205,7 +205,11 @@ def _folders() -> Iterator[Path]:
 
 
 def load_scene(path: Path) -> "trimesh.Scene":
-    """A GLB file, its vertices as they were written."""
+    """A GLB file, its vertices as they were written [m].
+
+    Raises:
+        CategoryError: unreadable, or without mesh.
+    """
     import trimesh
 
     try:

@@ -1,0 +1,1 @@
+"""What people are shown: pages, pictures and tables; the files that commands read and write for them."""
