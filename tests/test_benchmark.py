@@ -10,9 +10,9 @@ from grasptransfer.benchmark.deformation_maps import draw_deformation_maps
 from grasptransfer.benchmark.errors_of_shape import CanonicalSurface, _first_in_voxels, shape_error
 from grasptransfer.benchmark.glass import GlassSettings, measure_glass, see_through
 from grasptransfer.benchmark.instance_pool import measure_instances
+from grasptransfer.benchmark.judge import Judge
 from grasptransfer.benchmark.latency import stage_rows
 from grasptransfer.benchmark.registration import (
-    Judge,
     RegistrationSettings,
     measure_registration,
     run_registration_benchmark,
@@ -76,9 +76,9 @@ def test_the_same_points_have_no_error():
 def test_the_true_field_scores_best(judge, mug):
     pose = np.eye(4)
     true, rigid = MethodScores(), MethodScores()
-    judge.score(ShapeEstimate(mug.true_field, pose), pose, "rgb", true)
+    judge.score(ShapeEstimate(mug.true_field, pose), pose, "rgb", scores=true)
     estimate = RigidEstimator(mug.category)(_nothing(pose))
-    judge.score(estimate, pose, "rgb", rigid)
+    judge.score(estimate, pose, "rgb", scores=rigid)
     assert true.correspondence_mm == [0.0]
     # Points of both surfaces are about 2 mm apart, and the field follows the shape to half a millimetre.
     assert true.errors[0].rms_mm < 2
@@ -93,8 +93,8 @@ def test_a_field_that_takes_up_the_pose_error_is_cpd_s_alone(judge, mug):
     moved = type(shape).fit(points, points, shape(points) - told[:3, 3], beta=2.0, regularisation=1e-9)
     estimate = ShapeEstimate(moved, told)
     cpd, rgb = MethodScores(), MethodScores()
-    judge.score(estimate, np.eye(4), "cpd", cpd)
-    judge.score(estimate, np.eye(4), "rgb", rgb)
+    judge.score(estimate, np.eye(4), "cpd", scores=cpd)
+    judge.score(estimate, np.eye(4), "rgb", scores=rgb)
     assert cpd.errors[0].rms_mm < 4
     assert rgb.errors[0].rms_mm > 10
     assert rgb.placed[0].rms_mm == pytest.approx(cpd.placed[0].rms_mm)

@@ -11,17 +11,11 @@ import trimesh
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.estimators import EstimatorSet
 from grasptransfer.benchmark.instance_pool import measure_instances
-from grasptransfer.benchmark.registration import Judge
+from grasptransfer.benchmark.judge import Judge
 from grasptransfer.benchmark.registration_summary import MethodScores
-from grasptransfer.benchmark.seen_instances import (
-    Sight,
-    instance_names,
-    load_instance,
-    see_instance,
-    spread_views,
-)
+from grasptransfer.benchmark.seen_instances import Sight, instance_names, load_instance, sights, spread_views
 from grasptransfer.category import Category
-from grasptransfer.errors import GraspTransferError, SettingsError
+from grasptransfer.errors import SettingsError
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.rendering import Renderer
@@ -66,7 +60,15 @@ def run_glass_benchmark(
     ledger: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict:
-    """E of `rgb`, and of the depth methods on true and on sensed depth, on the same views."""
+    """E of `rgb`, and of the depth methods on true and on sensed depth, on the same views.
+
+    Args:
+        workers: processes.
+        ledger: file that an interrupted run resumes from.
+
+    Raises:
+        SettingsError: a wrong number of views, or no category has a see-through test instance.
+    """
     spread_views(settings.views)  # refuses a wrong number before the first picture
     found = [
         (category, name)
@@ -103,26 +105,16 @@ def measure_glass(settings: GlassSettings, category: str, name: str) -> dict:
     with Renderer() as renderer:
         kit = EstimatorSet(renderer, refine_pose=settings.pose_noise is not None, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
-        for view in range(settings.views):
-            sight = see_instance(
-                instance,
-                view,
-                views=settings.views,
-                renderer=renderer,
-                noise=settings.pose_noise,
-                seed=settings.seed,
-            )
+        seen = sights(instance, renderer, views=settings.views, noise=settings.pose_noise, seed=settings.seed)
+        for view, sight in enumerate(seen):
             sensed = sense(sight, settings, view)
             gated = _gated(sensed, instance.category) if settings.gate else sensed
             for key, value in _shares(sight, gated).items():
                 shares[key].append(value)
             for key, (method, observation) in _cases(settings, sight.observation, sensed, gated).items():
-                try:
-                    estimate = estimators[method](observation)
-                except GraspTransferError:  # too little was measured to answer
-                    estimate = judge.no_answer(observation)
-                    scores[key].failed += 1
-                judge.score(estimate, sight.pose, method, scores[key])
+                judge.ask(
+                    estimators[method], observation, true_pose=sight.pose, method=method, scores=scores[key]
+                )
     return {
         "category": instance.category.name,
         "instance": name,

@@ -1,43 +1,22 @@
-"""`bench registration` and `bench pose-noise`: the paper's tables I and II, all methods in one run.
-
-E compares shapes in the object's own frame, whatever pose was told. CPD knows no pose: its field also
-takes up the told pose's error, so its result is put back into the object's frame through the true pose.
-`placed` is E where the robot would find the object: the told or refined pose counts as well.
-"""
+"""`bench registration` and `bench pose-noise`: the paper's tables I and II, all methods in one run."""
 
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from grasptransfer.benchmark.document import document
-from grasptransfer.benchmark.errors_of_shape import (
-    CANONICAL_POINTS,
-    TRUE_POINTS,
-    CanonicalSurface,
-    TrueSurface,
-    outer_surface,
-)
 from grasptransfer.benchmark.estimators import NAMES, OFFERED, EstimatorSet
 from grasptransfer.benchmark.instance_pool import measure_instances
+from grasptransfer.benchmark.judge import Judge
 from grasptransfer.benchmark.registration_summary import MethodScores, summarise
-from grasptransfer.benchmark.seen_instances import (
-    Instance,
-    instance_names,
-    load_instance,
-    observe_instance,
-    spread_views,
-)
-from grasptransfer.errors import GraspTransferError, SettingsError
-from grasptransfer.frames import invert, rotation_angle, transform_points
-from grasptransfer.perception.baselines import RigidEstimator
-from grasptransfer.perception.estimate import ShapeEstimate
+from grasptransfer.benchmark.seen_instances import instance_names, load_instance, sights, spread_views
+from grasptransfer.errors import SettingsError
+from grasptransfer.frames import rotation_angle
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.scenes import PoseNoise
-
-POSELESS = ("cpd",)  # their field takes up the error of the told pose
 
 
 @dataclass(frozen=True)
@@ -140,25 +119,15 @@ def measure_registration(settings: RegistrationSettings, category: str, name: st
     with Renderer() as renderer:
         kit = EstimatorSet(renderer, settings.refine_pose, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
-        for view in range(settings.views):
-            observation, pose = observe_instance(
-                instance,
-                view,
-                views=settings.views,
-                renderer=renderer,
-                noise=settings.noise,
-                seed=settings.seed,
-            )
+        for sight in sights(
+            instance, renderer, views=settings.views, noise=settings.noise, seed=settings.seed
+        ):
+            seen, pose = sight.observation, sight.pose
             for method, estimator in estimators.items():
-                try:
-                    estimate = estimator(observation)
-                except GraspTransferError:
-                    estimate = judge.no_answer(observation)
-                    scores[method].failed += 1
-                judge.score(estimate, pose, method, scores[method])
+                estimate = judge.ask(estimator, seen, true_pose=pose, method=method, scores=scores[method])
                 if method == "rgb":
-                    scores[method].mask_ious.append(_iou(estimate.mask, observation.mask))
-                    before.append(_pose_error(observation.camera_from_object, pose))
+                    scores[method].mask_ious.append(_iou(estimate.mask, seen.mask))
+                    before.append(_pose_error(seen.camera_from_object, pose))
                     after.append(_pose_error(estimate.camera_from_object, pose))
     row = {"category": instance.category.name, "instance": name, "views": settings.views}
     row |= {method: values.as_data() for method, values in scores.items()}
@@ -171,56 +140,6 @@ def measure_registration(settings: RegistrationSettings, category: str, name: st
             if other in row
         }
     return row
-
-
-@dataclass(frozen=True)
-class Judge:
-    """Compares estimates of one instance with the truth."""
-
-    instance: Instance
-    surface: TrueSurface
-    canonical: CanonicalSurface
-    _answers: dict = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, instance: Instance) -> "Judge":
-        """With points of the true and the canonical outer surface."""
-        return cls(
-            instance,
-            TrueSurface(outer_surface(instance.solid, TRUE_POINTS)),
-            CanonicalSurface(outer_surface(instance.category.canonical, CANONICAL_POINTS)),
-        )
-
-    def no_answer(self, observation) -> ShapeEstimate:
-        """Who gives no answer is scored as the undeformed canonical model."""
-        return RigidEstimator(self.instance.category)(observation)
-
-    def score(self, estimate: ShapeEstimate, true_pose: np.ndarray, method: str, scores: MethodScores):
-        """Add this estimate's errors to the method's."""
-        points = self.canonical.warped(estimate.field)
-        placed_points = transform_points(invert(true_pose) @ estimate.camera_from_object, points)
-        shape_points = placed_points if method in POSELESS else points
-        error = self.surface.error(shape_points)
-        moved = not np.allclose(shape_points, placed_points, atol=1e-6)
-        scores.errors.append(error)
-        scores.placed.append(self.surface.error(placed_points) if moved else error)
-        if self.instance.exact:
-            truth = self._once("truth", lambda: self.canonical.warped(self.instance.true_field))
-            scores.correspondence_mm.append(float(np.linalg.norm(shape_points - truth, axis=1).mean()) * 1e3)
-            if estimate.latent is not None and estimate.latent_covariance is not None:
-                scores.covered.append(self._covered(estimate.latent, estimate.latent_covariance))
-
-    def _covered(self, latent: np.ndarray, covariance: np.ndarray) -> float:
-        """Share of the modes whose true value lies in the estimate's 90 % interval."""
-        space = self.instance.category.shape_space
-        true_latent = self._once("latent", lambda: space.encode(self.instance.true_field.weights))
-        std = np.sqrt(np.diag(covariance))
-        return float((np.abs(latent - true_latent) < 1.645 * std).mean())
-
-    def _once(self, key: str, make: Callable[[], np.ndarray]) -> np.ndarray:
-        if key not in self._answers:
-            self._answers[key] = make()
-        return self._answers[key]
 
 
 def _pose_error(estimated: np.ndarray, true: np.ndarray) -> tuple[float, float]:

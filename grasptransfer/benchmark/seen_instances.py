@@ -118,6 +118,19 @@ class Sight:
     coverage: Float32[np.ndarray, "h w"]
 
 
+def sights(
+    instance: Instance,
+    renderer: Renderer,
+    *,
+    views: int,
+    noise: PoseNoise | None = None,
+    seed: int = 0,
+) -> Iterator[Sight]:
+    """An instance from each of the chosen viewpoints in turn; arguments as of `see_instance`."""
+    for view in range(views):
+        yield see_instance(instance, view, views=views, renderer=renderer, noise=noise, seed=seed)
+
+
 def observe_instance(
     instance: Instance,
     view: int,
