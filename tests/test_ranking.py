@@ -151,3 +151,31 @@ def test_clearance_is_the_room_beside_the_nearest_finger():
     seen = moved_along(BAR, 0, np.array([room - 0.0015, 0.0, room + 0.0015]))
     clearance = grasp_features(grasps, checks, PANDA, plausible=seen)[0][:, FEATURES.index("clearance")]
     np.testing.assert_allclose(clearance, [1.5, 3, -1.5], atol=0.3)
+
+
+def test_what_two_overlapping_parts_fill_weighs_once():
+    block, other = trimesh.creation.box([0.04, 0.04, 0.1]), trimesh.creation.box([0.04, 0.04, 0.1])
+    other.apply_translation([0.0, 0.0, 0.05])
+    plausible = PlausibleObjects.draw(trimesh.util.concatenate([block, other]), doubt=SURE)
+    assert plausible.mass == pytest.approx(500 * 0.04 * 0.04 * 0.15)
+    assert plausible.centres.mean(axis=0) == pytest.approx([0, 0, 0.025], abs=1e-4)
+
+
+def test_a_cavity_weighs_nothing():
+    hollow = trimesh.creation.box([0.05, 0.05, 0.1])
+    cavity, knob = trimesh.creation.box([0.03, 0.03, 0.08]), trimesh.creation.box([0.02, 0.02, 0.02])
+    cavity.invert()
+    knob.apply_translation([0.0, 0.0, 0.055])
+    plausible = PlausibleObjects.draw(trimesh.util.concatenate([hollow, cavity, knob]), doubt=SURE)
+    filled = 0.05 * 0.05 * 0.1 - 0.03 * 0.03 * 0.08 + 0.02 * 0.02 * 0.015
+    assert plausible.mass == pytest.approx(500 * filled)
+
+
+def test_a_reconstruction_weighs_what_its_canonical_model_does():
+    camera = load_category("camera")
+    mesh = camera.canonical
+    alone = PlausibleObjects.draw(mesh, doubt=SURE)
+    among = PlausibleObjects.draw(mesh, camera, doubt=SURE)
+    assert among.mass == pytest.approx(alone.mass)
+    assert among.centres.mean(axis=0) == pytest.approx(alone.centres.mean(axis=0), abs=1e-5)
+    assert among.mass < 0.9 * 500 * abs(mesh.volume)

@@ -85,14 +85,14 @@ class PlausibleObjects:
             motions = _rigid(_turned(drawn[:, :6], estimate.camera_from_object)) @ motions
             basis = _basis(points, faces, mesh, category)
             shaped += (basis.reshape(-1, basis.shape[2]) @ drawn[:, 6:].T).T.reshape(shaped.shape)
-        solid = _solid(mesh)
-        centres = np.asarray(solid.center_mass) + (shaped - points).mean(axis=1)
+        volume, centre = _body(mesh, category)
+        centres = centre + (shaped - points).mean(axis=1)
         turns, shifts = motions[:, :3, :3].transpose(0, 2, 1), motions[:, None, :3, 3]
         return PlausibleObjects(
             points=shaped @ turns + shifts,
             normals=mesh.face_normals[faces] @ turns,
             centres=(centres[:, None] @ turns + shifts)[:, 0],
-            mass=float(np.clip(doubt.density * abs(solid.volume), *MASS_LIMITS)),
+            mass=float(np.clip(doubt.density * volume, *MASS_LIMITS)),
         )
 
     @cached_property
@@ -137,7 +137,47 @@ def _basis(points, faces, mesh: "trimesh.Trimesh", category: "Category") -> Floa
     return category.shape_space.displacement_model(points_canonical)[1]
 
 
-def _solid(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
+def _body(
+    mesh: "trimesh.Trimesh", category: "Category | None" = None
+) -> tuple[float, Float[np.ndarray, "3"]]:
+    """Volume [m3] and centre of mass [m]; what two overlapping parts fill counts once.
+
+    Parts of a reconstruction overlap as those of the canonical model do, whose union is made only once:
+    counted twice, a camera would weigh a fifth too much.
+    """
+    closed = _closed(mesh)
+    if category is None:
+        return _united(closed)
+    if category.canonical_sha256 not in _OVERLAPS:
+        canonical = _closed(category.canonical)
+        volume, centre = _united(canonical)
+        overlap = volume / abs(canonical.volume), centre - np.asarray(canonical.center_mass)
+        _OVERLAPS[category.canonical_sha256] = overlap
+    share, shift = _OVERLAPS[category.canonical_sha256]
+    return share * abs(closed.volume), np.asarray(closed.center_mass) + shift
+
+
+# Of a canonical model, by its checksum: the union's share of its parts' volumes, and how far its centre is
+# from theirs [m].
+_OVERLAPS: dict[str, tuple[float, Float[np.ndarray, "3"]]] = {}
+
+
+def _united(closed: "trimesh.Trimesh") -> tuple[float, Float[np.ndarray, "3"]]:
+    """Volume [m3] and centre of mass [m] of the union of all solid parts, less their cavities."""
+    import trimesh
+
+    parts = closed.split(only_watertight=True)
+    solids = [part for part in parts if part.volume > 0]
+    if len(solids) < 2:
+        return abs(closed.volume), np.asarray(closed.center_mass)
+    union = trimesh.boolean.union(solids, engine="manifold")
+    pieces = [union, *(part for part in parts if part.volume <= 0)]  # a cavity is a part turned inwards
+    volumes = np.array([piece.volume for piece in pieces])
+    centres = np.stack([piece.center_mass for piece in pieces])
+    return float(volumes.sum()), volumes @ centres / volumes.sum()
+
+
+def _closed(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
     """A closed surface, for mass and its centre."""
     closed = Surface(mesh).mesh
     return closed if closed.is_watertight else closed.convex_hull
