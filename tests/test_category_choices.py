@@ -1,6 +1,9 @@
 """What a build chooses by measuring: settings, and what smooth modes add to a shape space."""
 
+import contextlib
+import io
 import runpy
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +20,9 @@ from grasptransfer.category.learning import (
     leave_out,
     loosened,
 )
-from grasptransfer.category.outcome import Candidate, Trial
+from grasptransfer.category.outcome import Candidate, CategoryBuild, Trial
 from grasptransfer.registration import DeformationField
-from grasptransfer.report.category_page import category_page
+from grasptransfer.report.html_parts import pill
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "08_settings_from_clouds.py"
 
@@ -103,16 +106,33 @@ def clouds(tmp_path_factory):
     return folder
 
 
-def test_the_settings_of_the_best_trial_are_taken_and_shown(clouds, tmp_path):
-    built = build_category(
-        "vase",
-        meshes=clouds,
-        front="+y",
-        canonical="vase_1",
-        out=tmp_path / "v",
-        workers=1,
-        control_points=60,
-    )
+@dataclass(frozen=True)
+class Compared:
+    """What the example built, first with chosen settings, and what it printed."""
+
+    builds: list[CategoryBuild]
+    means: dict[str, float]
+    printed: str
+    out: Path
+
+
+@pytest.fixture(scope="module")
+def compared(clouds, tmp_path_factory):
+    builds, printed, out = [], io.StringIO(), tmp_path_factory.mktemp("compared")
+
+    def build(*given, **options):
+        builds.append(build_category(*given, **options))
+        return builds[-1]
+
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.setattr("grasptransfer.category.build.build_category", build)
+        main = runpy.run_path(str(EXAMPLE))["main"]
+        means = main([str(clouds), "--front", "+y", "--workers", "1", "--out", str(out)])
+    return Compared(builds, means, printed.getvalue(), out)
+
+
+def test_the_settings_of_the_best_trial_are_taken_and_shown(compared):
+    built = compared.builds[0]
     settings, trials = built.category.settings, built.trials
     assert {(one.beta, one.lam) for one in trials} == {(beta, lam) for beta in BETAS for lam in LAMBDAS}
     assert {one.flexibility for one in trials} == {0.0, *FLEXIBILITIES}
@@ -123,12 +143,10 @@ def test_the_settings_of_the_best_trial_are_taken_and_shown(clouds, tmp_path):
     ]
     assert min(one.error for one in taken) <= 1.02 * min(one.error for one in trials)
     assert settings.modes == built.category.shape_space.n_modes
-    assert category_page(built, tmp_path / "page.html").read_text().count("taken") == 1
+    page = (compared.out / "chosen" / "category.html").read_text()
+    assert page.count(pill("taken", "good")) == 2  # the settings, and the canonical model
 
 
-def test_chosen_settings_leave_less_than_raw_metres(clouds, tmp_path, capsys):
-    main = runpy.run_path(str(EXAMPLE))["main"]
-    arguments = [str(clouds), "--front", "+y", "--workers", "1", "--out", str(tmp_path)]
-    means = main(arguments)
-    assert 0 < means["chosen"] < means["raw metres"]
-    assert "vase_5" in capsys.readouterr().out
+def test_chosen_settings_leave_less_than_raw_metres(compared):
+    assert 0 < compared.means["chosen"] < compared.means["raw metres"]
+    assert "vase_5" in compared.printed
