@@ -10,12 +10,13 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.markup import escape
+from tyro.conf import Positional, arg
 
 from grasptransfer.annotator.command_line import annotate
 from grasptransfer.benchmark.command_line import COMMANDS as BENCHMARKS
@@ -27,12 +28,11 @@ from grasptransfer.report.progress import progress_bar
 if TYPE_CHECKING:
     from grasptransfer.perception.training import Progress, TrainingConfig
 
-Positional = tyro.conf.Positional
 console = Console(markup=False)
 
 
 def train(
-    categories: Positional[tuple[str, ...]] = (),
+    categories: Positional[Annotated[tuple[str, ...], arg(metavar="[CATEGORY …]")]] = (),
     *,
     run: Path = Path("runs/default"),
     output: Path | None = None,
@@ -166,7 +166,12 @@ def _training_line(state: "Progress") -> str:
     return f"training  {state.samples_per_second:.0f}/s  {terms}"
 
 
-def convert(source: Positional[Path], target: Positional[Path], *, gripper: str = "panda") -> int:
+def convert(
+    source: Positional[Annotated[Path, arg(metavar="IN")]],
+    target: Positional[Annotated[Path, arg(metavar="OUT")]],
+    *,
+    gripper: str = "panda",
+) -> int:
     """Convert a grasp file: isaac_grasp YAML, ACRONYM h5, graspnetAPI npy, GraspGen JSON, by suffix.
 
     Args:
@@ -180,7 +185,9 @@ def convert(source: Positional[Path], target: Positional[Path], *, gripper: str 
     return 0
 
 
-def frames(gripper: Positional[str] = "panda", *, picture: Path | None = None) -> int:
+def frames(
+    gripper: Positional[Annotated[str, arg(metavar="[GRIPPER]")]] = "panda", *, picture: Path | None = None
+) -> int:
     """Print the frames of a gripper, and draw them.
 
     Args:

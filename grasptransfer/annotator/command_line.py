@@ -1,16 +1,16 @@
 """`grasptransfer annotate`: the annotator, served in the browser."""
 
 from pathlib import Path
+from typing import Annotated
 
-import tyro
 from rich.console import Console
+from tyro.conf import Positional, arg
 
-Positional = tyro.conf.Positional
 console = Console(markup=False, soft_wrap=True)
 
 
 def annotate(
-    category: Positional[str],
+    category: Positional[Annotated[str, arg(metavar="CATEGORY")]],
     *,
     gripper: str = "panda",
     grasps: Path | None = None,

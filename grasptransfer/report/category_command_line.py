@@ -2,16 +2,15 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import tyro
 from rich.console import Console
 from rich.table import Table
+from tyro.conf import Positional, arg
 
 from grasptransfer.errors import GraspTransferError
 from grasptransfer.report.progress import progress_bar
 
-Positional = tyro.conf.Positional
 PAGE = "category.html"
 console = Console(markup=False)
 
@@ -30,7 +29,7 @@ def list_() -> int:
     return 0
 
 
-def info(category: Positional[str]) -> int:
+def info(category: Positional[Annotated[str, arg(metavar="CATEGORY")]]) -> int:
     """Describe a category: settings, split, measured figures.
 
     Args:
@@ -43,7 +42,7 @@ def info(category: Positional[str]) -> int:
     return 0
 
 
-def check(category: Positional[Path]) -> int:
+def check(category: Positional[Annotated[Path, arg(metavar="CATEGORY")]]) -> int:
     """Verify a category folder and explain every fault.
 
     Args:
@@ -68,7 +67,7 @@ def check(category: Positional[Path]) -> int:
 
 
 def build(
-    name: Positional[str],
+    name: Positional[Annotated[str, arg(metavar="NAME")]],
     *,
     meshes: Path,
     canonical: str | None = None,

@@ -1,13 +1,13 @@
 """`grasptransfer demo | transfer | simulate`: from files to grasps, a report and executed trials."""
 
 from pathlib import Path
+from typing import Annotated
 
-import tyro
 from rich.console import Console
+from tyro.conf import Positional, arg
 
 from grasptransfer.report.progress import progress_bar
 
-Positional = tyro.conf.Positional
 console = Console(markup=False)
 
 
@@ -27,7 +27,7 @@ def demo(*, out: Path = Path("demo_out"), seed: int = 0) -> int:
 
 
 def transfer(
-    image: Positional[Path],
+    image: Positional[Annotated[Path, arg(metavar="IMAGE")]],
     *,
     category: str,
     pose: Path,
