@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -285,6 +287,57 @@ def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypat
     config = TrainingConfig(("mug",), samples=4, held_out=4, members=1, steps=2, batch=2)
     with pytest.raises(SettingsError, match="other settings"):
         train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
+
+
+def test_two_processes_train_one_network(folder, tmp_path):
+    script = tmp_path / "train.py"
+    script.write_text(TWO_PROCESSES)
+    command = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", str(script)]
+    subprocess.run([sys.executable, *command, str(folder), str(tmp_path)], check=True, timeout=300)
+    first, second = (json.loads((tmp_path / f"rank_{rank}.json").read_text()) for rank in (0, 1))
+    # Each saw batches of its own, and yet they hold the same network.
+    assert first["batch"] != second["batch"]
+    assert first["scores"] == pytest.approx(second["scores"], rel=1e-6)
+    ensemble, _ = load_weights(tmp_path / "w.safetensors")
+    assert len(ensemble.members) == 2
+
+
+TWO_PROCESSES = """
+import json
+import os
+import sys
+from pathlib import Path
+
+import torch
+
+from grasptransfer.perception import training
+from grasptransfer.perception.dataset import Dataset
+
+
+class Canonical:
+    canonical_sha256 = "abc"
+
+
+torch.set_num_threads(1)
+data, out = Dataset(Path(sys.argv[1])), Path(sys.argv[2])
+training._data_sets = lambda *_: (data, data)
+training.load_category = lambda name: Canonical()
+batches = []
+whole_batch = training._Run.batch_of
+
+
+def batch_of(run, number, dataset):
+    batch = whole_batch(run, number, dataset)
+    batches.append(float(batch[0][0].sum()))
+    return batch
+
+
+training._Run.batch_of = batch_of
+config = training.TrainingConfig(("mug",), samples=4, held_out=4, members=2, steps=2, batch=2)
+scores, _ = training.train(config, run_folder=out / "run", output=out / "w.safetensors", device="cpu")
+result = {"scores": scores, "batch": batches[0]}
+(out / f"rank_{os.environ['RANK']}.json").write_text(json.dumps(result))
+"""
 
 
 class _Canonical:
