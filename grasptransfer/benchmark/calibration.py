@@ -1,7 +1,7 @@
 """`bench calibration`: whether a grasp's score is its chance to hold, and the weights that make it so.
 
 Grasps that rgb transfers to random parametric shapes (neither train nor test instances) are executed in
-PyBullet; the ranking's logistic model is fitted to what held. Half of the shapes fit, the other half judge.
+PyBullet; the ranking's logistic models are fitted to what held. Half of the shapes fit, the other half judge.
 """
 
 import itertools
@@ -19,7 +19,7 @@ from grasptransfer.benchmark.seen_instances import Instance, observe_instance
 from grasptransfer.category import load_category
 from grasptransfer.grasping import PlausibleObjects, load_gripper
 from grasptransfer.grasping.ranking import (
-    FEATURES,
+    WEIGHTS,
     Features,
     Ranking,
     Weights,
@@ -94,12 +94,12 @@ def run_calibration(
     summary = {"grasps": len(scores), "held": float(np.mean([held for _, held in scores]))}
     for name in ("present", "fitted"):
         summary[f"calibration_error_{name}"] = calibration_error(rows, name)
-    summary |= {name: float(value) for name, value in zip(("bias", *FEATURES), fitted, strict=True)}
+    summary |= {name: float(value) for name, value in zip(WEIGHTS, fitted, strict=True)}
     return document("calibration", settings=asdict(settings), rows=rows, summary=summary)
 
 
 def fit_weights(executed: list[Executed]) -> Weights:
-    """Bias and weights of the ranking that make what was executed most likely."""
+    """Weights of the ranking that make what was executed most likely."""
     from scipy.optimize import minimize
 
     start = Ranking().weights

@@ -1,8 +1,9 @@
 """How likely each grasp is to hold, over the shapes and poses that the picture leaves possible.
 
 For every drawn object (`plausible.py`) the points near each opened gripper tell its clearance, what the
-pads meet, how flat, how far off the middle, and how hard the weight turns the object between them; a
-logistic model turns that into a chance of holding, and the score is the mean over the draws.
+pads meet, how flat, and how hard the weight turns the object between them. One logistic model turns the
+clearance into the chance of getting there, another the rest into that of holding; the score is the mean of
+their product over the draws. One model of everything would let a firm grip make up for a palm in the object.
 """
 
 import itertools
@@ -19,45 +20,44 @@ from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.warping import WarpedGrasp
 
 FAR = 0.003  # m: more clearance than this is no better
-WITHIN = 0.003  # m: deeper inside the gripper than this is no worse
-FARTHEST_OFFSET = 0.020  # m
+WITHIN = 0.012  # m: deeper inside the gripper than this is no worse
 UP = np.array([0.0, 0.0, 1.0])  # object frame: categories stand upright
 TILT = np.deg2rad(30)  # how far a held object is turned about the closing line, both ways
 PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
-FEATURES = ("clearance", "flatness", "coverage", "moment", "offset")
+FEATURES = ("clearance", "flatness", "coverage", "moment")
+WEIGHTS = ("entry", "clearance", "bias", "flatness", "coverage", "moment")
 
-Features = Float[np.ndarray, "s 5"]
+Features = Float[np.ndarray, "s 4"]
 Weights = Float[np.ndarray, "6"]
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """The logistic model of a grasp on one drawn object, and what counts as unlikely.
+    """The logistic models of a grasp on one drawn object, and what counts as unlikely.
 
     Args:
-        bias, clearance, flatness, coverage, moment, offset: fitted to simulated grasps by
-            `grasptransfer bench calibration`; of the features below.
+        entry, clearance: of getting there, fitted to simulated grasps by `grasptransfer bench calibration`.
+        bias, flatness, coverage, moment: of holding, fitted likewise.
         least_chance: a grasp that the gripper reaches is unusable below this score.
 
-    The features: clearance in mm (between -3 and 3), flatness as a cosine, coverage as a share of a pad's
+    The features: clearance in mm (between -12 and 3), flatness as a cosine, coverage as a share of a pad's
     points, moment in kg cm: how hard the weight turns the object about the closing line while the hand
     tilts it by up to `TILT`. What hangs straight below the pads has little of it; what lies beside them has
-    all, and a closing line that stands upright has none. Offset in mm (at most 20): how far beside the
-    middle of the gripper the pads meet the object, which they push or turn on their way.
+    all, and a closing line that stands upright has none.
     """
 
-    bias: float = 0.7
-    clearance: float = 0.45
-    flatness: float = 2.1
-    coverage: float = 0.23
-    moment: float = -1.26
-    offset: float = -0.35
+    entry: float = 1.65
+    clearance: float = 0.98
+    bias: float = 4.25
+    flatness: float = 1.24
+    coverage: float = 0.26
+    moment: float = -2.61
     least_chance: float = 0.4
 
     @property
     def weights(self) -> Weights:
-        """Bias, then the weight of each feature."""
-        return np.array([self.bias, *(getattr(self, name) for name in FEATURES)])
+        """`WEIGHTS`, in their order."""
+        return np.array([getattr(self, name) for name in WEIGHTS])
 
 
 def rank_grasps(
@@ -101,11 +101,17 @@ def grasp_features(
 
 
 def expected_success(
-    features: Float[np.ndarray, "*g s 5"], weights: Weights
+    features: Float[np.ndarray, "*g s 4"], weights: Weights
 ) -> Float[np.ndarray, "*g"] | np.floating:
-    """Mean chance of holding over the draws; a draw in which a pad meets nothing has none."""
-    chance = 1 / (1 + np.exp(-(weights[0] + features @ weights[1:])))
-    return np.nan_to_num(chance, nan=0.0).mean(axis=-1)
+    """Mean chance of getting there and holding, over the draws; where a pad meets nothing there is none."""
+    entry, clearance, bias, *others = weights
+    enters = _logistic(entry + clearance * features[..., 0])
+    holds = _logistic(bias + features[..., 1:] @ np.array(others))
+    return np.nan_to_num(enters * holds, nan=0.0).mean(axis=-1)
+
+
+def _logistic(odds: np.ndarray) -> np.ndarray:
+    return 1 / (1 + np.exp(-odds))
 
 
 def doubt_unlikely(
@@ -144,16 +150,14 @@ def _features(grasp: WarpedGrasp, opening: float, gripper: Gripper, plausible: P
         np.minimum(low.flatness, high.flatness),
         np.minimum(count / 4, 1),
         plausible.mass * _levers(grasp, plausible.centres) * 100,
-        np.minimum(np.abs(high.first - low.first) / 2, FARTHEST_OFFSET) * 1e3,
     ]
     return np.where(count[:, None] > 0, np.stack(columns, axis=1), np.nan)
 
 
 @dataclass(frozen=True)
 class _Touched:
-    """What one pad meets in each draw: how far out [m], how many points, how flat; 0 where it meets none."""
+    """What one pad meets in each draw: how many points, how flat; 0 where it meets none."""
 
-    first: Float[np.ndarray, "s"]
     count: Int[np.ndarray, "s"]
     flatness: Float[np.ndarray, "s"]
 
@@ -171,7 +175,7 @@ def _touched(ahead: np.ndarray, cosines: np.ndarray, draw: np.ndarray, draws: in
     met = ahead > first[draw] - PATCH
     count = np.bincount(draw[met], minlength=draws)
     flatness = np.bincount(draw[met], weights=cosines[met], minlength=draws) / np.maximum(count, 1)
-    return _Touched(np.where(count > 0, first, 0.0), count, flatness)
+    return _Touched(count, flatness)
 
 
 def _levers(grasp: WarpedGrasp, centres: Float[np.ndarray, "s 3"]) -> Float[np.ndarray, "s"]:
