@@ -156,6 +156,23 @@ def test_grasps_of_another_canonical_model_are_refused(files, capsys, tmp_path, 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("told", "word"),
+    [
+        (["--box", "5", "5", "2", "2"], "(5.0, 5.0, 2.0, 2.0)"),
+        (["--box", "284", "183", "404", "340", "--mask", "empty_mask.png"], "Give one of them"),
+    ],
+)
+def test_a_wrong_box_is_explained(told, word, files, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(files)
+    given = ["--category", "mug", "--pose", "pose.yaml", "--camera", "camera.yaml", "--estimator", "rigid"]
+    code, _, err = _run(["transfer", "picture.png", *given, *told, "--out", str(tmp_path / "out")], capsys)
+    assert code == 2
+    assert "box" in err
+    assert word in err
+    assert not (tmp_path / "out").exists()
+
+
 def test_training_has_the_same_defaults_on_the_command_line_and_in_the_library():
     from grasptransfer.perception.training import TrainingConfig
 

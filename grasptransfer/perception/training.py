@@ -21,12 +21,10 @@ from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.prefetch import prefetch
+from grasptransfer.perception.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
 from grasptransfer.perception.weights import WeightsInfo, save_weights
 
 CHECKPOINT_STEPS, LOGGED_STEPS = 250, 50
-ECHO_WINDOW = 8  # batches between two uses of the same one
-WARM_UP = 300  # steps until the learning rate has risen to its peak
-DECAY = 0.3  # the last share of the steps, over which it falls to zero
 FULL_RATE, FALLING_RATE = "checkpoint.pt", "checkpoint_falling.pt"  # before and while the rate falls
 HELD_OUT_SEED = 1_000_003  # held-out shapes come from another seed than the training ones
 
@@ -45,7 +43,7 @@ class TrainingConfig:
         steps: optimiser steps of each member.
         batch: samples a step, over all processes.
         echo: how often each augmented batch is used; above 1 where preparing it costs more than learning.
-        learning_rate: peak; held until the last `DECAY` of the steps.
+        learning_rate: peak; held until the last `schedule.DECAY` of the steps.
         weight_decay: of AdamW.
         seed: of everything random; member i begins and draws its batches with seed + i.
     """
@@ -167,7 +165,7 @@ class _Run:
 
     def finish(self, dataset: Dataset, on_step: Callable[[Progress], None] | None):
         """All steps that are left, logged and saved as they go."""
-        numbers = [_batch_number(step, self.config.echo) for step in range(self.step, self.config.steps)]
+        numbers = [batch_number(step, self.config.echo) for step in range(self.step, self.config.steps)]
         batches = prefetch(lambda number: self.batch_of(number, dataset), numbers, reuse=ECHO_WINDOW)
         clock, since = time.monotonic(), self.step
         recent: list[dict[str, torch.Tensor]] = []
@@ -203,7 +201,7 @@ class _Run:
             prediction = self.parallel(pictures, inputs[1].to(self.device))
         terms = training_loss(prediction, targets, self.config.loss)
         for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate(self.config, self.step)
+            group["lr"] = learning_rate(self.step, self.config.steps, self.config.learning_rate)
         self.optimiser.zero_grad(set_to_none=True)
         terms["total"].backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
@@ -219,7 +217,7 @@ class _Run:
             "network": self.network.state_dict(),
             "optimiser": self.optimiser.state_dict(),
         }
-        name = FULL_RATE if self.step <= _decay_start(self.config) else FALLING_RATE
+        name = FULL_RATE if self.step <= decay_start(self.config.steps) else FALLING_RATE
         unfinished = self.folder / "checkpoint.part"
         torch.save(state, unfinished)
         os.replace(unfinished, self.folder / name)
@@ -266,25 +264,9 @@ class _Run:
                     path=path,
                     fix="Choose another run folder, or delete this one",
                 )
-            if other == own or (name == FULL_RATE and state["step"] <= _decay_start(self.config)):
+            if other == own or (name == FULL_RATE and state["step"] <= decay_start(self.config.steps)):
                 return state
         return None
-
-
-def learning_rate(config: TrainingConfig, step: int) -> float:
-    """Rises, stays, falls: all but the fall is the same for any number of steps, so runs can be prolonged."""
-    falling = (config.steps - step) / (config.steps - _decay_start(config))
-    return config.learning_rate * min((step + 1) / WARM_UP, 1.0, falling)
-
-
-def _decay_start(config: TrainingConfig) -> int:
-    return round((1 - DECAY) * config.steps)
-
-
-def _batch_number(step: int, echo: int) -> int:
-    """Which batch a step uses: windows of batches are repeated `echo` times, so no batch follows itself."""
-    window, place = divmod(step, ECHO_WINDOW * echo)
-    return window * ECHO_WINDOW + place % ECHO_WINDOW
 
 
 def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) -> tuple[Dataset, Dataset]:

@@ -36,6 +36,7 @@ def transfer(
     gripper: str = "panda",
     scene: Path | None = None,
     mask: Path | None = None,
+    box: tuple[float, float, float, float] | None = None,
     execute: Path | None = None,
     refine_pose: bool = True,
     estimator: str = "rgb",
@@ -54,6 +55,7 @@ def transfer(
         gripper: name, or YAML of your own.
         scene: YAML with obstacles and a support plane.
         mask: picture that is white on the object.
+        box: instead of a mask: u0 v0 u1 v1 around the object [px], as any detector gives it.
         execute: true mesh of the instance [m], standing at the told pose; PyBullet executes the grasps on it.
         refine_pose: fit the pose together with the shape.
         estimator: rgb, rgbd, cls, cpd, similarity or rigid.
@@ -71,6 +73,7 @@ def transfer(
         gripper=gripper,
         scene=scene,
         mask=mask,
+        box=box,
         depth=depth,
         execute=execute,
         estimator=estimator,

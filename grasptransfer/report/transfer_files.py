@@ -15,7 +15,7 @@ from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.category.sources import MESHES
-from grasptransfer.errors import ImageError, MeshError
+from grasptransfer.errors import ImageError, MeshError, SettingsError
 from grasptransfer.files import writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
@@ -66,6 +66,7 @@ def run_transfer(
     gripper: str = "panda",
     scene: Path | None = None,
     mask: Path | None = None,
+    box: tuple[float, float, float, float] | None = None,
     depth: Path | None = None,
     execute: Path | None = None,
     estimator: str = "rgb",
@@ -78,6 +79,7 @@ def run_transfer(
     Args:
         image, pose, camera, mask, depth, scene: files, as the command line describes them.
         category, gripper: names, or paths of one's own.
+        box: (u0, v0, u1, v1) around the object [px], instead of a mask.
         execute: mesh of the instance, object frame [m]; it stands at the pose that was told.
         out: folder, made where it is missing; files of the same names are replaced.
 
@@ -85,10 +87,12 @@ def run_transfer(
         GraspTransferError: wrong input; nothing is written then.
     """
     check_folder(out, "out")
+    if mask is not None and box is not None:
+        raise SettingsError("tells again what the mask tells", key="box", value=box, fix="Give one of them")
     pixels, told = read_image(image), load_pose(pose)
     seen = {
         "camera": None if camera is None else Camera.load(camera),
-        "mask": None if mask is None else load_mask(mask),
+        "mask": box if mask is None else load_mask(mask),
         "depth": None if depth is None else load_depth(depth),
         "scene": None if scene is None else load_scene(scene),
     }
