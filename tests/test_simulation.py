@@ -242,6 +242,12 @@ def test_a_published_protocol_cannot_be_given_other_numbers():
     assert json.loads(json.dumps(LIFT_SHAKE.as_data()))["friction"] == LIFT_SHAKE.friction
 
 
+@pytest.mark.parametrize(("key", "value"), [("seed", -1), ("trials", 0), ("workers", 0), ("friction", -1.0)])
+def test_numbers_that_no_run_can_use_are_refused(key, value):
+    with pytest.raises(SettingsError, match=key):
+        simulate([], trimesh.creation.box((0.05, 0.05, 0.05)), **{key: value})
+
+
 def test_the_shake_pulls_with_one_g_both_ways_and_ends_at_rest():
     fine = own(time_step=1e-4)
     swing, turns = motion.swing(fine), motion.turns(fine)

@@ -143,7 +143,7 @@ def _execute_on(settings: CalibrationSettings, name: str, number: int) -> list[E
     with Renderer() as renderer:
         flows = []
         for noise in noises:
-            estimator = RgbEstimator(category, renderer=renderer, refine_pose=noise.translation > 0)
+            estimator = RgbEstimator(category, renderer=renderer, refine_pose=noise != NO_NOISE)
             flows.append(GraspTransfer(category, gripper=gripper, estimator=estimator))
         for view in range(settings.views):
             flow, noise = flows[view % 2], noises[view % 2]

@@ -17,7 +17,7 @@ from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_gripper
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.scenes import PoseNoise
+from grasptransfer.perception.scenes import NO_NOISE, PoseNoise
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import load_protocol, simulate
 from grasptransfer.transfer import GraspTransfer
@@ -84,7 +84,7 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> list
     outcomes: dict[str, list[_Outcome]] = defaultdict(list)
     with Renderer() as renderer:
         others = tuple(name for name in settings.estimators if name != "gt")
-        estimators = EstimatorSet(renderer, refine_pose=settings.translation_noise > 0).of(instance, others)
+        estimators = EstimatorSet(renderer, refine_pose=noise != NO_NOISE).of(instance, others)
         if "gt" in settings.estimators:
             estimators["gt"] = TrueFieldEstimator(instance)
         flows = {

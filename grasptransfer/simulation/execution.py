@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from grasptransfer.errors import GraspFileError, SettingsError
+from grasptransfer.errors import GraspFileError, SettingsError, check_seed
 from grasptransfer.frames import check_rigid, rigid
 from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE
 from grasptransfer.grasping.gripper import Gripper, load_gripper
@@ -72,6 +72,7 @@ def simulate(
         SettingsError, GripperError, GraspFileError, PoseError, MeshError: wrong input.
     """
     chosen = load_protocol(protocol)
+    check_seed(seed)
     _check_numbers(trials, workers, frames, friction)
     loaded = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
     perturb = perturb if perturb is not None or trials == 1 else chosen.perturbation
