@@ -46,12 +46,12 @@ class Ranking:
     all, and a closing line that stands upright has none.
     """
 
-    entry: float = 1.65
-    clearance: float = 0.98
-    bias: float = 4.25
-    flatness: float = 1.24
-    coverage: float = 0.26
-    moment: float = -2.61
+    entry: float = 1.50
+    clearance: float = 0.96
+    bias: float = 1.56
+    flatness: float = 1.92
+    coverage: float = 0.28
+    moment: float = -1.78
     least_chance: float = 0.4
 
     @property
