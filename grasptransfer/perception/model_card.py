@@ -75,7 +75,11 @@ def _spread(alone: Sequence[Scores]) -> str:
     spreads = (
         f"{what} {show.format(np.std([one[key] for one in alone], ddof=1))}" for key, what, show in MEASURES
     )
-    return "Members differ in their seed alone. Standard deviation between them: " + ", ".join(spreads) + "."
+    return (
+        "Members differ in their seed alone. Standard deviation between them: "
+        + ", ".join(spreads)
+        + f". {len(alone)} networks give a rough figure of what another training may differ by."
+    )
 
 
 def _curve(logs: list[list[dict[str, str]]]) -> list[tuple[str, ...]]:
