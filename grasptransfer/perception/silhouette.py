@@ -82,7 +82,7 @@ class Silhouette:
             return np.zeros(0, int), np.zeros(0, int)
         apart, nearest = KDTree(pixels).query(border)
         near = np.nonzero(apart < FARTHEST)[0]
-        return nearest[near], near
+        return np.asarray(nearest)[near], near
 
     @cached_property
     def border(self) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p 2"]]:

@@ -23,7 +23,8 @@ class Ensemble(nn.Module):
     def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
         """Predict as a single network does, in single precision."""
         predictions = [member(pictures, category) for member in self.members]
-        return Prediction(*map(_mean, zip(*predictions, strict=True)))
+        parts = [_mean(parts) for parts in zip(*predictions, strict=True)]
+        return Prediction(*parts)  # pyright: ignore[reportArgumentType]: what no network lacks is not None
 
 
 def _mean(parts: tuple[Tensor | None, ...]) -> Tensor | None:
