@@ -54,7 +54,7 @@ LATENT_OVERCONFIDENCE = 1.6
 ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 NEAREST = 0.03  # m before the camera: a model that comes nearer, or lies behind it, fills no picture
-ACCEPTED_SCORE = 0.3  # who names a category mostly names the right one
+ACCEPTED_SCORE = 0.2  # who names a category mostly names the right one
 
 
 @dataclass(frozen=True)
