@@ -13,8 +13,10 @@ from grasptransfer.errors import SettingsError, WeightsError
 from grasptransfer.perception import dataset as dataset_module
 from grasptransfer.perception import training as training_module
 from grasptransfer.perception.augmentation import network_input, training_batch
+from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
 from grasptransfer.perception.losses import training_loss
+from grasptransfer.perception.model_card import write_card
 from grasptransfer.perception.networks import Prediction, build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.networks.picture_features import load_picture_features
@@ -287,6 +289,25 @@ def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypat
     config = TrainingConfig(("mug",), samples=4, held_out=4, members=1, steps=2, batch=2)
     with pytest.raises(SettingsError, match="other settings"):
         train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
+
+
+@pytest.mark.parametrize("members", [1, 2])
+def test_a_card_states_each_member_and_how_far_another_training_may_end_from_them(members, tmp_path):
+    config = TrainingConfig(("mug",), members=members, steps=7, seed=5)
+    scores = {"offset_mm": 6.0, "flow_px": 4.0, "shape_mm": 7.0, "iou": 0.9, "match": 0.99}
+    every = [scores | {"offset_mm": offset} for offset in (5.5, 6.0, 6.4)]
+    for number in range(members):
+        folder = training_module.member_folder(tmp_path, number)
+        folder.mkdir()
+        (folder / "log.csv").write_text("step,seconds,offset_mm,flow_px,iou\n7,3600,9,8,0.7\n")
+    path = write_card(tmp_path / "w.safetensors", config, every[: members + 1], Confidence(), tmp_path)
+    card = path.read_text()
+    assert f"{members}.00 h in all" in card
+    assert f"`grasptransfer train mug --network compact --members {members} " in card
+    assert "| 5.50 mm | 6.00 mm |" in card
+    # Two standard deviations, 2 x 0.283, widened for a mean of two.
+    assert ("mean offset error 6.20 mm ± 0.69 mm" in card) == (members == 2)
+    assert ("mean flow error 4.00 px of 256 ± 0.08 px" in card) == (members == 2)
 
 
 def test_two_processes_train_one_network(folder, tmp_path):

@@ -14,6 +14,7 @@ from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
 
 CURVE_ROWS = 12
+LEAST_SPREAD = 0.02
 MEASURES = (  # of `training.Scores`: key, name, format
     ("offset_mm", "mean offset error", "{:.2f} mm"),
     ("flow_px", "mean flow error", "{:.2f} px of 256"),
@@ -69,16 +70,20 @@ def _card(
 
 
 def _spread(alone: Sequence[Scores]) -> str:
-    """How far another training may end from this one, as the members show it."""
+    """How far another training may end from the members' mean: two standard deviations, as they show it."""
     if len(alone) < 2:
         return ""
-    spreads = (
-        f"{what} {show.format(np.std([one[key] for one in alone], ddof=1))}" for key, what, show in MEASURES
-    )
+    parts: list[str] = []
+    for key, what, show in MEASURES:
+        values = np.array([one[key] for one in alone])
+        reach = 2 * values.std(ddof=1) * np.sqrt(1 + 1 / len(alone))
+        shown = (show.format(number) for number in (values.mean(), max(reach, LEAST_SPREAD * values.mean())))
+        parts.append(f"{what} {' ± '.join(shown)}")
     return (
-        "Members differ in their seed alone. Standard deviation between them: "
-        + ", ".join(spreads)
-        + f". {len(alone)} networks give a rough figure of what another training may differ by."
+        "Members differ in their seed alone. A network of another training is expected at: "
+        + ", ".join(parts)
+        + " (two standard deviations of the members; few can agree by chance, so never below "
+        + f"{LEAST_SPREAD:.0%})."
     )
 
 
