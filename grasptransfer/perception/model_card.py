@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from grasptransfer.category import objects_folder
+from grasptransfer.files import write_whole
 from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
@@ -38,9 +39,7 @@ def write_card(
         scores: of the ensemble, then of each member by itself.
     """
     path = weights.with_suffix(".md")
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text(_card(weights, config, scores, confidence, run_folder), encoding="utf-8")
-    os.replace(unfinished, path)
+    write_whole(path, _card(weights, config, scores, confidence, run_folder).encode())
     return path
 
 

@@ -2,13 +2,13 @@
 
 import hashlib
 import json
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grasptransfer.category import objects_folder
 from grasptransfer.errors import WeightsError
+from grasptransfer.files import replacing
 from grasptransfer.perception.confidence import Confidence
 
 if TYPE_CHECKING:
@@ -48,9 +48,8 @@ def save_weights(path: Path, ensemble: "Ensemble", info: WeightsInfo):
         "confidence": json.dumps(info.confidence.as_data()),
         "sha256": _digest(tensors),
     }
-    unfinished = path.with_name(path.name + ".part")
-    save_file(tensors, unfinished, metadata=header)
-    os.replace(unfinished, path)
+    with replacing(path) as unfinished:
+        save_file(tensors, unfinished, metadata=header)
 
 
 def load_weights(path: Path) -> tuple["Ensemble", WeightsInfo]:
