@@ -191,7 +191,10 @@ def test_an_ensemble_answers_with_the_mean_of_its_members():
 
 def test_an_ensemble_lacks_what_its_members_lack():
     class Bare(torch.nn.Module):
-        def forward(self, pictures, category):
+        def picture_features(self, pictures):
+            return None
+
+        def forward(self, pictures, category, features):
             return Prediction(*[torch.ones(1)] * 5)
 
     together = Ensemble([Bare(), Bare()])(torch.zeros(1, 8, 192, 256), torch.zeros(1, dtype=int))

@@ -72,13 +72,23 @@ class CompactFlowNet(nn.Module):
         self._picture_features[0]._apply(fn)
         return super()._apply(fn, recurse)
 
-    def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
+    def picture_features(self, pictures: Float[Tensor, "b 8 192 256"]) -> list[Float[Tensor, "b _ _ _"]]:
+        """Of the observed picture alone; frozen, so the same for every network of this kind."""
+        return self._picture_features[0](pictures[:, :3])
+
+    def forward(
+        self,
+        pictures: Float[Tensor, "b 8 192 256"],
+        category: Int[Tensor, "b"],
+        features: list[Float[Tensor, "b _ _ _"]] | None = None,
+    ) -> Prediction:
         """Predict from observed RGB + box and the model's coordinates + mask, stacked.
 
         Args:
             category: number of each sample's category.
+            features: `picture_features`, where they are known.
         """
-        features = self._picture_features[0](pictures[:, :3])
+        features = self.picture_features(pictures) if features is None else features
         told = [layer(feature) for layer, feature in zip(self.told, features, strict=True)]
         levels = [torch.relu(self.stem(pictures) + told[0])]
         for down, more, refine in zip(self.down, told[1:], self.refine, strict=True):

@@ -22,7 +22,9 @@ class Ensemble(nn.Module):
 
     def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
         """Predict as a single network does, in single precision."""
-        predictions = [member(pictures, category) for member in self.members]
+        # Of the picture alone: made once for all members.
+        features = self.members[0].picture_features(pictures)  # pyright: ignore[reportCallIssue]
+        predictions = [member(pictures, category, features) for member in self.members]
         parts = [_mean(parts) for parts in zip(*predictions, strict=True)]
         return Prediction(*parts)  # pyright: ignore[reportArgumentType]: what no network lacks is not None
 

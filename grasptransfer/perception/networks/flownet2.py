@@ -54,13 +54,20 @@ class FlowNet2(nn.Module):
                     nn.init.zeros_(layer.bias)
         nn.init.zeros_(self.fusion.answer.weight)
 
+    def picture_features(self, pictures: Float[Tensor, "b 8 192 256"]) -> None:
+        """None: this network has no part that others share."""
+
     def forward(
-        self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"] | None = None
+        self,
+        pictures: Float[Tensor, "b 8 192 256"],
+        category: Int[Tensor, "b"] | None = None,
+        features: None = None,
     ) -> Prediction:
         """Predict from observed RGB + box and the model's coordinates + mask, stacked.
 
         Args:
             category: number of each sample's category; one network serves all alike.
+            features: `picture_features`.
         """
         whole = self.full_resolution(pictures)
         cells = whole[:, :, CELL_PIXEL::STRIDE, CELL_PIXEL::STRIDE]
