@@ -1,6 +1,6 @@
 """The main flow: one RGB picture in, checked and ranked grasps out.
 
-    observe -> estimate the shape -> warp the grasps -> refine -> check -> rank
+    observe -> estimate the shape -> warp the grasps -> refine -> check -> place -> rank
 
 Frames: `object` is the seen instance in its category's axes, `gripper` the TCP (+z approach,
 +x closing), `camera` OpenCV. See `frames.py`.
@@ -31,6 +31,7 @@ from grasptransfer.grasping import (
     expand_symmetry,
     load_grasps,
     load_gripper,
+    place_grasps,
     rank_grasps,
     refine_grasps,
     warp_grasps,
@@ -110,11 +111,10 @@ class GraspTransfer:
     def grasp(
         self, observation: Observation, estimate: ShapeEstimate, *, scene: Scene | None = None
     ) -> TransferResult:
-        """Warp, refine, check and rank the grasps on an estimated shape."""
+        """Warp, refine, check, place and rank the grasps on an estimated shape."""
         reached = self.reach(estimate, scene=scene)
         start, pose = time.perf_counter(), estimate.camera_from_object
-        plausible = PlausibleObjects.draw(reached.mesh, self.category, estimate, seed=self.seed)
-        scores = rank_grasps(reached.grasps, reached.checks, self.gripper, plausible=plausible)
+        scores = rank_grasps(reached.grasps, reached.checks, self.gripper, plausible=reached.plausible)
         checks = doubt_unlikely(reached.checks, scores)
         timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
         grasps = _transferred(reached.grasps, checks, scores, pose)
@@ -136,7 +136,7 @@ class GraspTransfer:
         )
 
     def reach(self, estimate: ShapeEstimate, *, scene: Scene | None = None) -> Reached:
-        """Warp, refine and check the grasps on an estimated shape: all but their ranking."""
+        """Warp, refine, check and place the grasps on an estimated shape: all but their ranking."""
         timings, last = {}, time.perf_counter()
 
         def lap(stage: str):
@@ -153,7 +153,11 @@ class GraspTransfer:
         lap("refine")
         checks = check_grasps(refined, world, self.gripper, latent=estimate.latent)
         lap("check")
-        return Reached(mesh, tuple(refined), tuple(checks), timings)
+        plausible = PlausibleObjects.draw(mesh, self.category, estimate, seed=self.seed)
+        lap("doubt")
+        grasps, checks = place_grasps(refined, checks, world, self.gripper, plausible=plausible)
+        lap("place")
+        return Reached(mesh, grasps, checks, plausible, timings)
 
 
 @dataclass(frozen=True)
@@ -162,14 +166,16 @@ class Reached:
 
     Args:
         mesh: the reconstruction, object frame [m].
-        grasps: refined, object frame.
+        grasps: refined and placed, object frame.
         checks: of each.
+        plausible: objects that the picture leaves possible.
         timings: seconds per stage.
     """
 
     mesh: trimesh.Trimesh
     grasps: tuple[WarpedGrasp, ...]
     checks: tuple[GraspCheck, ...]
+    plausible: PlausibleObjects
     timings: dict[str, float]
 
 

@@ -6,18 +6,19 @@ PyBullet; the ranking's logistic models are fitted to what held. Half of the sha
 
 import itertools
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 
 from grasptransfer import shapes
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.grasp import as_executed
+from grasptransfer.benchmark.instance_pool import measure_instances
 from grasptransfer.benchmark.seen_instances import Instance, observe_instance
 from grasptransfer.category import load_category
-from grasptransfer.grasping import PlausibleObjects, load_gripper
+from grasptransfer.errors import SettingsError
+from grasptransfer.grasping import load_gripper
 from grasptransfer.grasping.ranking import (
     WEIGHTS,
     Features,
@@ -29,6 +30,7 @@ from grasptransfer.grasping.ranking import (
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.scenes import NO_NOISE, PoseNoise
+from grasptransfer.perception.views import VIEWPOINTS
 from grasptransfer.registration import DeformationField
 from grasptransfer.simulation import simulate
 from grasptransfer.transfer import GraspTransfer
@@ -72,19 +74,31 @@ class Executed:
 
 
 def run_calibration(
-    settings: CalibrationSettings, *, workers: int = 1, progress: Callable[[int, int], None] | None = None
+    settings: CalibrationSettings,
+    *,
+    workers: int = 1,
+    ledger: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> dict:
-    """Fitted weights, and the reliability of the present and of the fitted score."""
-    tasks = [(name, number) for name in settings.categories for number in range(settings.objects)]
-    executed: dict[tuple[str, int], list[Executed]] = {}
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(_execute_on, settings, *task): task for task in tasks}
-        for done, future in enumerate(as_completed(waiting), 1):
-            executed[waiting[future]] = future.result()
-            if progress:
-                progress(done, len(tasks))
-    even = [grasp for task in tasks if task[1] % 2 == 0 for grasp in executed[task]]
-    odd = [grasp for task in tasks if task[1] % 2 == 1 for grasp in executed[task]]
+    """Fitted weights, and the reliability of the present and of the fitted score.
+
+    Args:
+        workers: processes.
+        ledger: file that an interrupted run resumes from.
+
+    Raises:
+        SettingsError: too few objects to fit with one half and judge by the other.
+    """
+    if settings.objects < 2:
+        raise SettingsError("must be at least 2", key="objects", value=settings.objects)
+    tasks = [(name, str(number)) for name in settings.categories for number in range(settings.objects)]
+    found = measure_instances(_execute_on, settings, tasks, workers=workers, ledger=ledger, progress=progress)
+    executed = {
+        task: [Executed(np.array(grasp["features"], float), grasp["held"]) for grasp in one["grasps"]]
+        for task, one in zip(tasks, found, strict=True)
+    }
+    even = [grasp for task in tasks if int(task[1]) % 2 == 0 for grasp in executed[task]]
+    odd = [grasp for task in tasks if int(task[1]) % 2 == 1 for grasp in executed[task]]
     present, fitted = Ranking().weights, fit_weights([*even, *odd])
     crossed = [(fit_weights(odd), even), (fit_weights(even), odd)]
     scores = [(float(expected_success(g.features, w)), g.held) for w, group in crossed for g in group]
@@ -133,7 +147,9 @@ def calibration_error(rows: list[dict], name: str) -> float:
     return sum(row["grasps"] * abs(row["score"] - row["held"]) for row in chosen) / max(grasps, 1)
 
 
-def _execute_on(settings: CalibrationSettings, name: str, number: int) -> list[Executed]:
+def _execute_on(settings: CalibrationSettings, name: str, numbered: str) -> dict:
+    """`grasps` on one random shape: features in each draw, and whether each held."""
+    number = int(numbered)
     category, gripper = load_category(name), load_gripper(settings.gripper)
     shape = shapes.sample(name, FIRST_SEED + number)
     still = DeformationField.identity(category.shape_space.control_points)
@@ -145,25 +161,25 @@ def _execute_on(settings: CalibrationSettings, name: str, number: int) -> list[E
         for noise in noises:
             estimator = RgbEstimator(category, renderer=renderer, refine_pose=noise != NO_NOISE)
             flows.append(GraspTransfer(category, gripper=gripper, estimator=estimator))
+        spread = min(settings.views * settings.objects, VIEWPOINTS)
         for view in range(settings.views):
             flow, noise = flows[view % 2], noises[view % 2]
             observation, pose = observe_instance(
                 instance,
-                view + settings.views * number,
-                views=settings.views * settings.objects,
+                (view + settings.views * number) % spread,
+                views=spread,
                 renderer=renderer,
                 noise=noise,
                 seed=settings.seed + number,
             )
             executed += _execute(flow, replace(observation, depth=None, mask=None), pose, instance, settings)
-    return executed
+    return {"grasps": [{"features": one.features.tolist(), "held": one.held} for one in executed]}
 
 
 def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list[Executed]:
     estimate = flow.estimator(observation)
     reached = flow.reach(estimate)
-    plausible = PlausibleObjects.draw(reached.mesh, flow.category, estimate)
-    features = grasp_features(reached.grasps, reached.checks, flow.gripper, plausible=plausible)
+    features = grasp_features(reached.grasps, reached.checks, flow.gripper, plausible=reached.plausible)
     usable = np.array([i for i, check in enumerate(reached.checks) if check.usable], int)
     rng = np.random.default_rng(settings.seed)
     usable = rng.permutation(usable)[:MOST_GRASPS]  # symmetry families have many members alike

@@ -2,9 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,14 @@ import numpy as np
 
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.estimators import EstimatorSet, TrueFieldEstimator
-from grasptransfer.benchmark.seen_instances import Instance, instance_names, load_instance, observe_instance
+from grasptransfer.benchmark.instance_pool import measure_instances
+from grasptransfer.benchmark.seen_instances import (
+    Instance,
+    instance_names,
+    load_instance,
+    observe_instance,
+    spread_views,
+)
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_gripper
@@ -53,11 +58,23 @@ class GraspSettings:
 
 
 def run_grasp_benchmark(
-    settings: GraspSettings, *, workers: int = 1, progress: Callable[[int, int], None] | None = None
+    settings: GraspSettings,
+    *,
+    workers: int = 1,
+    ledger: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> dict:
     """Success of the annotated grasps under every estimator, as the contract's JSON document.
 
     Of a symmetry family the best-ranked member is executed: it is what a robot would do.
+
+    Args:
+        workers: processes.
+        ledger: file that an interrupted run resumes from.
+
+    Raises:
+        SettingsError: an unknown estimator or protocol, or a wrong number of views.
+        GripperError: an unknown gripper.
     """
     unknown = set(settings.estimators) - set(ESTIMATORS)
     if unknown:
@@ -65,19 +82,17 @@ def run_grasp_benchmark(
     load_protocol(settings.protocol)  # wrong names are refused before minutes of pictures
     load_gripper(settings.gripper)
     found = [(name, told) for name in settings.categories for told in instance_names(name, settings.meshes)]
-    rows: list[dict] = []
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        tasks = [pool.submit(_measure_instance, settings, *names) for names in found]
-        for done, task in enumerate(as_completed(tasks), start=1):
-            rows += task.result()
-            if progress:
-                progress(done, len(tasks))
+    spread_views(settings.views)
+    measured = measure_instances(
+        _measure_instance, settings, found, workers=workers, ledger=ledger, progress=progress
+    )
+    rows = [row for instance in measured for row in instance["rows"]]
     rows.sort(key=lambda row: (row["category"], row["instance"], row["estimator"]))
     return document("grasp", settings=asdict(settings), rows=rows, summary=_summary(rows, settings))
 
 
-def _measure_instance(settings: GraspSettings, category: str, name: str) -> list[dict]:
-    """One row per estimator."""
+def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict:
+    """`rows`, one for each estimator."""
     instance = load_instance(category, name, settings.meshes)
     gripper = load_gripper(settings.gripper)
     noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
@@ -99,7 +114,7 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> list
                 seen = replace(observation, camera_from_object=pose) if key == "gt" else observation
                 result = flow.grasp(seen, flow.estimator(seen))
                 outcomes[key].append(_execute(result, pose, instance, settings))
-    return [_row(instance, key, views) for key, views in outcomes.items()]
+    return {"rows": [_row(instance, key, views) for key, views in outcomes.items()]}
 
 
 @dataclass(frozen=True)

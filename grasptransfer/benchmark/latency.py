@@ -135,13 +135,14 @@ def _transfer_all(settings: LatencySettings, category: str, observations: list[O
 def _pictures(settings: LatencySettings, category: str) -> list[Observation]:
     """Views in turn of all test instances; what uses no depth is told a box alone."""
     from grasptransfer.perception.rendering import Renderer
+    from grasptransfer.perception.views import VIEWPOINTS
 
     names = instance_names(category, None)
     seen = []
     with Renderer() as renderer:
         for view in range(settings.views + 1):
             instance = load_instance(category, names[view % len(names)], None)
-            spread = min(settings.views + 1, 74)
+            spread = min(settings.views + 1, VIEWPOINTS)
             observation, _ = observe_instance(
                 instance, view % spread, views=spread, renderer=renderer, seed=settings.seed
             )

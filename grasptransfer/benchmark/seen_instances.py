@@ -16,7 +16,7 @@ from grasptransfer.perception.backgrounds import draw_backdrop
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.scenes import PoseNoise, draw_lighting
-from grasptransfer.perception.views import sphere_views
+from grasptransfer.perception.views import VIEWPOINTS, sphere_views
 from grasptransfer.registration import DeformationField, cpd
 
 CAMERA = Camera.from_fov(640, 480, np.deg2rad(60))
@@ -97,10 +97,10 @@ def spread_views(views: int) -> Int[np.ndarray, "views"]:
     Raises:
         SettingsError: not 1 to 74 of them.
     """
-    if not 1 <= views <= 74:
-        raise SettingsError("must lie between 1 and 74", key="views", value=views)
+    if not 1 <= views <= VIEWPOINTS:
+        raise SettingsError(f"must lie between 1 and {VIEWPOINTS}", key="views", value=views)
     # 29 has no divisor in common with 74, and a stride of 29 turns by 5/12 and climbs by 2.4 rings.
-    return np.sort((np.arange(views) * 29 + 17) % 74)
+    return np.sort((np.arange(views) * 29 + 17) % VIEWPOINTS)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
+from grasptransfer.grasping.placement import place_grasps
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.ranking import doubt_unlikely, rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
@@ -43,6 +44,7 @@ __all__ = [
     "load_gripper",
     "load_scene",
     "on_canonical",
+    "place_grasps",
     "rank_grasps",
     "read_grasp_file",
     "refine_grasps",

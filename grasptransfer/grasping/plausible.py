@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 SURFACE_POINTS = 3000  # about 4 mm apart on a mug: some ten under each pad
 MASS_LIMITS = (0.05, 1.0)  # kg, as the simulation protocols clamp it
+LARGEST_GROWTH = (0.5, 2.0)  # of a drawn volume: beyond, its motion is not small
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,14 @@ class PlausibleObjects:
 
     Args:
         points, normals: of the surface [m], unit; the same places of the surface in every draw.
-        centres: centre of mass of each draw [m], about: the surface's middle tells how the inside moves.
-        mass: kg.
+        centres: centre of mass of each draw [m].
+        mass: of each draw [kg].
     """
 
     points: Float[np.ndarray, "s m 3"]
     normals: Float[np.ndarray, "s m 3"]
     centres: Float[np.ndarray, "s 3"]
-    mass: float
+    mass: Float[np.ndarray, "s"]
 
     @staticmethod
     def draw(
@@ -85,14 +86,21 @@ class PlausibleObjects:
             motions = _rigid(_turned(drawn[:, :6], estimate.camera_from_object)) @ motions
             basis = _basis(points, faces, mesh, category)
             shaped += (basis.reshape(-1, basis.shape[2]) @ drawn[:, 6:].T).T.reshape(shaped.shape)
-        volume, centre = _body(mesh, category)
-        centres = centre + (shaped - points).mean(axis=1)
+        volumes, centres = enclosed(shaped - points, points, faces, mesh, _body(mesh, category))
         turns, shifts = motions[:, :3, :3].transpose(0, 2, 1), motions[:, None, :3, 3]
         return PlausibleObjects(
             points=shaped @ turns + shifts,
             normals=mesh.face_normals[faces] @ turns,
             centres=(centres[:, None] @ turns + shifts)[:, 0],
-            mass=float(np.clip(doubt.density * volume, *MASS_LIMITS)),
+            mass=np.clip(doubt.density * volumes, *MASS_LIMITS),
+        )
+
+    def some(self, count: int) -> "PlausibleObjects":
+        """At most this many of the draws, in the pairs in which they were drawn."""
+        half, pairs = (len(self.points) + 1) // 2, min(count // 2, len(self.points) // 2)
+        chosen = np.concatenate([np.arange(pairs), half + np.arange(pairs)])
+        return PlausibleObjects(
+            self.points[chosen], self.normals[chosen], self.centres[chosen], self.mass[chosen]
         )
 
     @cached_property
@@ -135,6 +143,24 @@ def _basis(points, faces, mesh: "trimesh.Trimesh", category: "Category") -> Floa
     vertices = np.asarray(category.canonical.vertices)[np.asarray(mesh.faces)[faces]]
     points_canonical = np.einsum("mc,mci->mi", weights, vertices)
     return category.shape_space.displacement_model(points_canonical)[1]
+
+
+def enclosed(
+    moved: Float[np.ndarray, "s m 3"], points, faces, mesh: "trimesh.Trimesh", body: tuple
+) -> tuple[Float[np.ndarray, "s"], Float[np.ndarray, "s 3"]]:
+    """Volume [m3] and centre of mass [m] of what the moved surface points enclose.
+
+    Of small motions, by Gauss's theorem: a surface that moves outwards adds the volume that it sweeps.
+
+    Args:
+        moved: how far each draw moves each point [m].
+        body: volume and centre of mass of the mesh.
+    """
+    volume, centre = body
+    swept = np.einsum("smi,mi->sm", moved, mesh.face_normals[faces]) * mesh.area / volume
+    grown = np.clip(1 + swept.mean(axis=1), *LARGEST_GROWTH)
+    drift = swept @ (points - centre) / len(points)
+    return volume * grown, centre + drift / grown[:, None]
 
 
 def _body(

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float32, Int
 
 from grasptransfer.frames import invert, transform_points
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck
@@ -23,9 +23,12 @@ FAR = 0.003  # m: more clearance than this is no better
 WITHIN = 0.012  # m: deeper inside the gripper than this is no worse
 UP = np.array([0.0, 0.0, 1.0])  # object frame: categories stand upright
 TILT = np.deg2rad(30)  # how far a held object is turned about the closing line, both ways
+HANGING = 0.5  # what hangs below the pads swings back, what stands above them topples: counts this much
 PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
 FEATURES = ("clearance", "flatness", "coverage", "moment")
 WEIGHTS = ("entry", "clearance", "bias", "flatness", "coverage", "moment")
+
+_UNMOVED = np.zeros((1, 3))
 
 Features = Float[np.ndarray, "s 4"]
 Weights = Float[np.ndarray, "6"]
@@ -42,17 +45,17 @@ class Ranking:
 
     The features: clearance in mm (between -12 and 3), flatness as a cosine, coverage as a share of a pad's
     points, moment in kg cm: how hard the weight turns the object about the closing line while the hand
-    tilts it by up to `TILT`. What hangs straight below the pads has little of it; what lies beside them has
-    all, and a closing line that stands upright has none.
+    tilts it by up to `TILT`. What lies beside the pads has most of it, what hangs straight below them
+    little, and a closing line that stands upright has none.
     """
 
-    entry: float = 1.50
-    clearance: float = 0.96
-    bias: float = 1.56
-    flatness: float = 1.92
+    entry: float = 0.37
+    clearance: float = 0.93
+    bias: float = 0.64
+    flatness: float = 4.39
     coverage: float = 0.28
-    moment: float = -1.78
-    least_chance: float = 0.4
+    moment: float = -2.90
+    least_chance: float = 0.3
 
     @property
     def weights(self) -> Weights:
@@ -95,7 +98,9 @@ def grasp_features(
     Unusable grasps get no rows. Arguments as of `rank_grasps`.
     """
     return [
-        _features(grasp, check.opening, gripper, plausible) if check.usable else np.zeros((0, len(FEATURES)))
+        features_around(grasp, check.opening, gripper, plausible, _UNMOVED)[0]
+        if check.usable
+        else np.zeros((0, len(FEATURES)))
         for grasp, check in zip(grasps, checks, strict=True)
     ]
 
@@ -130,63 +135,111 @@ def _doubt(score: float) -> str:
     return f"expected success {score:.0%} over the shapes and poses that the picture leaves possible"
 
 
-def _features(grasp: WarpedGrasp, opening: float, gripper: Gripper, plausible: PlausibleObjects) -> Features:
-    """`FEATURES` in each draw; NaN where a pad meets nothing."""
+def features_around(
+    grasp: WarpedGrasp,
+    opening: float,
+    gripper: Gripper,
+    plausible: PlausibleObjects,
+    shifts: Float[np.ndarray, "c 3"],
+) -> Float[np.ndarray, "c s 4"]:
+    """`FEATURES` of a grasp shifted in each of these ways, in each draw; NaN where a pad meets nothing.
+
+    Args:
+        opening: of the gripper on the way in [m].
+        shifts: of the TCP, gripper frame [m].
+    """
     pose, draws = grasp.object_from_gripper.astype(np.float32), len(plausible.points)
     points, normals = plausible.rows
     local = pose[:3, :3].T @ points - (pose[:3, :3].T @ pose[:3, 3])[:, None]
-    boxes = _boxes(gripper, opening)
-    near = np.flatnonzero(_within(local, _bounds(boxes), FAR))
+    boxes, swept = _boxes(gripper, opening), (shifts.min(axis=0), shifts.max(axis=0))
+    near = np.flatnonzero(_within(local, _bounds(boxes), FAR, swept))
     local, draw = local[:, near], near // plausible.points.shape[1]
     # Every other point is near enough to the next for fingers, and they are most of the work.
-    clearance = _clearance(local[:, ::2], draw[::2], boxes, draws)
-    between = np.flatnonzero(_within(local, _pad_corridor(gripper, opening, grasp.width), 0.0))
-    x, draw, facing = local[0, between], draw[between], pose[:3, 0] @ normals[:, near[between]]
-    # Towards -x those that the -x pad meets, towards +x those of the other: each pad's points face it.
-    low, high = (_touched(side * x, side * facing, draw, draws) for side in (-1, 1))
-    count = np.minimum(low.count, high.count)
+    clearance = _clearance(local[:, ::2], draw[::2], boxes, shifts, draws)
+    corridor = _pad_corridor(gripper, opening, grasp.width)
+    between = np.flatnonzero(_within(local, corridor, 0.0, swept))
+    facing = pose[:3, 0] @ normals[:, near[between]]
+    met = _meet(local[:, between], facing, draw[between], corridor, shifts, draws)
     columns = [
         clearance * 1e3,
-        np.minimum(low.flatness, high.flatness),
-        np.minimum(count / 4, 1),
-        plausible.mass * _levers(grasp, plausible.centres) * 100,
+        met.flatness,
+        np.minimum(met.count / 4, 1),
+        plausible.mass * _levers(grasp, plausible.centres, shifts) * 100,
     ]
-    return np.where(count[:, None] > 0, np.stack(columns, axis=1), np.nan)
+    return np.where(met.count[..., None] > 0, np.stack(columns, axis=-1), np.nan)
 
 
 @dataclass(frozen=True)
-class _Touched:
-    """What one pad meets in each draw: how many points, how flat; 0 where it meets none."""
+class _Met:
+    """What the pads meet under each shift, in each draw; of the pad that meets less.
 
-    count: Int[np.ndarray, "s"]
-    flatness: Float[np.ndarray, "s"]
+    Args:
+        count: how many points; 0 where a pad meets none.
+        flatness: mean cosine of the angle between their normals and the pad's.
+    """
+
+    count: Int[np.ndarray, "c s"]
+    flatness: Float[np.ndarray, "c s"]
 
 
-def _touched(ahead: np.ndarray, cosines: np.ndarray, draw: np.ndarray, draws: int) -> _Touched:
-    """The points of each draw that a pad meets first.
+def _meet(
+    points: Float32[np.ndarray, "3 p"],
+    facing: Float32[np.ndarray, "p"],
+    draw: Int[np.ndarray, "p"],
+    corridor: tuple,
+    shifts: Float[np.ndarray, "c 3"],
+    draws: int,
+) -> _Met:
+    """What closing pads meet: towards -x the -x pad, towards +x the other; each pad's points face it.
+
+    Args:
+        points: gripper frame before the shifts [m].
+        facing: how far their normals look along +x, a cosine.
+        draw: which draw each is of.
+        corridor: what the pads sweep, see `_pad_corridor`.
+    """
+    moved = points[None] - shifts[:, :, None].astype(np.float32)
+    inside = np.ones(moved[:, 0].shape, dtype=bool)
+    for axis, (low, high) in enumerate(zip(*corridor, strict=True)):
+        inside &= (moved[:, axis] > float(low)) & (moved[:, axis] < float(high))
+    shift, point = np.nonzero(inside)
+    x, place = moved[shift, 0, point], shift * draws + draw[point]
+    counts, flatness = zip(
+        *(_touched(side * x, side * facing[point], place, len(shifts) * draws) for side in (-1, 1)),
+        strict=True,
+    )
+    shape = (len(shifts), draws)
+    return _Met(np.minimum(*counts).reshape(shape), np.minimum(*flatness).reshape(shape))
+
+
+def _touched(
+    ahead: np.ndarray, cosines: np.ndarray, place: np.ndarray, places: int
+) -> tuple[Int[np.ndarray, "q"], Float[np.ndarray, "q"]]:
+    """How many points a pad meets first in each place, and how flat.
 
     Args:
         ahead: how far towards the pad each point lies [m].
         cosines: of the angle between its normal and the pad's.
-        draw: which draw it is of.
+        place: which shift and draw it is of.
     """
-    first = np.full(draws, -np.inf)
-    np.maximum.at(first, draw, ahead)
-    met = ahead > first[draw] - PATCH
-    count = np.bincount(draw[met], minlength=draws)
-    flatness = np.bincount(draw[met], weights=cosines[met], minlength=draws) / np.maximum(count, 1)
-    return _Touched(count, flatness)
+    first = np.full(places, -np.inf)
+    np.maximum.at(first, place, ahead)
+    met = ahead > first[place] - PATCH
+    count = np.bincount(place[met], minlength=places)
+    return count, np.bincount(place[met], weights=cosines[met], minlength=places) / np.maximum(count, 1)
 
 
-def _levers(grasp: WarpedGrasp, centres: Float[np.ndarray, "s 3"]) -> Float[np.ndarray, "s"]:
+def _levers(
+    grasp: WarpedGrasp, centres: Float[np.ndarray, "s 3"], shifts: Float[np.ndarray, "c 3"]
+) -> Float[np.ndarray, "c s"]:
     """Lever of the weight about the line between the pads, in the worst tilt about that line [m]."""
     rotation = grasp.object_from_gripper[:3, :3]
-    beside = ((centres - grasp.object_from_gripper[:3, 3]) @ rotation)[:, 1:]
+    beside = ((centres - grasp.object_from_gripper[:3, 3]) @ rotation)[None, :, 1:] - shifts[:, None, 1:]
     upright = (rotation.T @ UP)[1:]
-    across = np.abs(beside[:, 0] * upright[1] - beside[:, 1] * upright[0])
-    angle = np.arctan2(across, np.abs(beside @ upright))
-    worst = np.sin(np.minimum(angle + TILT, np.pi / 2))
-    return np.linalg.norm(beside, axis=1) * np.linalg.norm(upright) * worst
+    across = np.abs(beside[..., 0] * upright[1] - beside[..., 1] * upright[0])
+    above = beside @ upright
+    upwards = np.maximum(above, 0) + HANGING * np.maximum(-above, 0)
+    return np.cos(TILT) * across + np.sin(TILT) * upwards
 
 
 def _boxes(gripper: Gripper, opening: float) -> list[tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "3"]]]:
@@ -210,21 +263,43 @@ def _bounds(boxes: list) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]
     return corners.min(axis=0), corners.max(axis=0)
 
 
-def _clearance(points: np.ndarray, draw: np.ndarray, boxes: list, draws: int) -> Float[np.ndarray, "s"]:
-    """Signed distance of each draw's points (3, p) to the nearest box [m], from -`WITHIN` to `FAR`."""
-    clearance = np.full(draws, FAR)
-    for box in boxes:
-        near = np.flatnonzero(_within(points, _bounds([box]), FAR))
-        np.minimum.at(clearance, draw[near], _distances(points[:, near], *box))
-    return np.maximum(clearance, -WITHIN)
+def _clearance(
+    points: Float32[np.ndarray, "3 p"],
+    draw: Int[np.ndarray, "p"],
+    boxes: list,
+    shifts: Float[np.ndarray, "c 3"],
+    draws: int,
+) -> Float[np.ndarray, "c s"]:
+    """Signed distance of each draw's points to the nearest shifted box [m], from -`WITHIN` to `FAR`."""
+    clearance = np.full(len(shifts) * draws, FAR)
+    first = draws * np.arange(len(shifts))[:, None]
+    swept = shifts.min(axis=0), shifts.max(axis=0)
+    for box_from_gripper, half in boxes:
+        near = np.flatnonzero(_within(points, _bounds([(box_from_gripper, half)]), FAR, swept))
+        distances = _distances(points[:, near], box_from_gripper, half, shifts)
+        close = distances < FAR
+        np.minimum.at(clearance, (first + draw[near])[close], distances[close])
+    return np.maximum(clearance, -WITHIN).reshape(len(shifts), draws)
 
 
 def _distances(
-    points: np.ndarray, box_from_gripper: Float[np.ndarray, "4 4"], half: Float[np.ndarray, "3"]
-) -> np.ndarray:
-    """Signed distance of points (3, p) to a box of this half size [m], negative inside."""
-    beyond = np.abs(box_from_gripper[:3, :3] @ points + box_from_gripper[:3, 3:]) - half[:, None]
-    return np.linalg.norm(np.maximum(beyond, 0), axis=0) + np.minimum(beyond.max(axis=0), 0)
+    points: Float32[np.ndarray, "3 p"],
+    box_from_gripper: Float[np.ndarray, "4 4"],
+    half: Float[np.ndarray, "3"],
+    shifts: Float[np.ndarray, "c 3"],
+) -> Float32[np.ndarray, "c p"]:
+    """Signed distance of points to a shifted box of this half size [m], negative inside."""
+    rotation, place = (
+        part.astype(np.float32) for part in (box_from_gripper[:3, :3], box_from_gripper[:3, 3:])
+    )
+    moved = shifts.astype(np.float32) @ rotation.T
+    still = rotation @ points + place
+    outside, deepest = np.float32(0), np.float32(-np.inf)
+    for axis, row in enumerate(still):
+        beyond = np.abs(row - moved[:, axis, None]) - np.float32(half[axis])
+        outside = outside + np.square(np.maximum(beyond, 0))
+        deepest = np.maximum(deepest, beyond)
+    return np.sqrt(outside) + np.minimum(deepest, 0)
 
 
 def _pad_corridor(
@@ -238,10 +313,14 @@ def _pad_corridor(
     return low, high
 
 
-def _within(points: np.ndarray, corners: tuple, margin: float) -> np.ndarray:
-    """Which of the points (3, p) lie between two corners, or no farther outside than the margin [m]."""
+def _within(points: np.ndarray, corners: tuple, margin: float, swept: tuple) -> np.ndarray:
+    """Which of the points (3, p) lie between two corners under some shift, or nearer than the margin [m].
+
+    Args:
+        swept: least and largest shift of the corners along each axis [m].
+    """
     inside = np.ones(points.shape[1], dtype=bool)
-    for row, low, high in zip(points, *corners, strict=True):
-        inside &= row > float(low - margin)  # a numpy float64 would make every comparison one
-        inside &= row < float(high + margin)
+    for row, low, high, least, largest in zip(points, *corners, *swept, strict=True):
+        inside &= row > float(low + least - margin)  # a numpy float64 would make every comparison one
+        inside &= row < float(high + largest + margin)
     return inside

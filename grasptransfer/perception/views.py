@@ -3,7 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
-RINGS, MERIDIANS = 6, 12  # with the two poles: 74 vertices of a tessellated sphere
+RINGS, MERIDIANS = 6, 12
+VIEWPOINTS = RINGS * MERIDIANS + 2  # with the two poles: 74 vertices of a tessellated sphere
 
 
 def sphere_views(distance: float) -> Float[np.ndarray, "74 4 4"]:

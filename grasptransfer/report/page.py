@@ -38,7 +38,7 @@ STAGES = {
     "score": "Category score",
     "cpd": "CPD",
     "shape": "Shape, altogether",
-    "grasps": "Grasps: warp, refine, check, rank",
+    "grasps": "Grasps: warp, refine, check, place, rank",
     "total": "Total",
 }
 SUMS = ("shape", "total")

@@ -15,7 +15,7 @@ from grasptransfer.benchmark.commands.arguments import (
     Workers,
     trained,
 )
-from grasptransfer.benchmark.commands.run import run
+from grasptransfer.benchmark.commands.run import ledger_of, run
 
 
 def grasp(
@@ -52,7 +52,7 @@ def grasp(
         math.radians(rotation),
         estimators,
     )
-    return run(partial(run_grasp_benchmark, settings, workers=workers), json)
+    return run(partial(run_grasp_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
 
 
 def calibration(
@@ -84,4 +84,4 @@ def calibration(
         rotation_noise=math.radians(rotation),
         seed=seed,
     )
-    return run(partial(run_calibration, settings, workers=workers), json)
+    return run(partial(run_calibration, settings, workers=workers, ledger=ledger_of(json)), json)

@@ -1,0 +1,107 @@
+"""Where grasps are placed once it is known what the picture leaves possible."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasptransfer.frames import rigid
+from grasptransfer.grasping import (
+    CollisionWorld,
+    PlausibleObjects,
+    check_grasps,
+    load_gripper,
+    on_canonical,
+    place_grasps,
+    rank_grasps,
+)
+from grasptransfer.grasping.grasp import Grasp
+from grasptransfer.grasping.placement import Placement
+from grasptransfer.grasping.scene import Scene
+
+PANDA = load_gripper("panda")
+DOWN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # closes along x, the pads' y is the object's -y
+BEAM = trimesh.creation.box(extents=(0.02, 0.3, 0.06))
+
+
+def at(y, z=0.015):
+    return on_canonical([Grasp("g", "beam", rigid(DOWN, np.array([0, y, z])), 0.02)])
+
+
+def placed(grasps, mesh=BEAM, plausible=None, scene=None, settings=None):
+    world = CollisionWorld(mesh, scene)
+    plausible = plausible or PlausibleObjects.draw(mesh)
+    checks = check_grasps(grasps, world, PANDA)
+    after = place_grasps(grasps, checks, world, PANDA, plausible=plausible, settings=settings)
+    before, now = (rank_grasps(*pair, PANDA, plausible=plausible) for pair in ((grasps, checks), after))
+    return *after, before, now
+
+
+def test_a_grasp_beside_the_weight_moves_towards_it():
+    grasps, checks, before, now = placed(at(0.06))
+    assert grasps[0].object_from_gripper[1, 3] < 0.056
+    assert now[0] > before[0]
+    assert checks[0].usable
+
+
+def test_what_is_shifted_keeps_its_turn_and_closes_on_the_middle():
+    start = at(0.06)
+    grasps, checks, *_ = placed(start)
+    pose = grasps[0].object_from_gripper
+    np.testing.assert_array_equal(pose[:3, :3], start[0].object_from_gripper[:3, :3])
+    assert pose[0, 3] == pytest.approx(0, abs=1e-4)
+    assert grasps[0].width == pytest.approx(0.02, abs=1e-4)
+    np.testing.assert_allclose(checks[0].contacts, grasps[0].contacts, atol=2e-3)
+    farthest = np.hypot(*np.repeat(max(Placement().ways), 2))
+    assert np.linalg.norm(pose[:3, 3] - start[0].object_from_gripper[:3, 3]) < farthest + 1e-3
+
+
+def test_a_grasp_at_its_best_place_stays():
+    start = at(0.0)
+    grasps, _, before, now = placed(start)
+    assert np.linalg.norm(grasps[0].object_from_gripper - start[0].object_from_gripper) < 0.006
+    assert now[0] >= before[0] - 0.02
+
+
+def test_doubt_of_the_height_asks_for_room_before_the_palm():
+    post = trimesh.creation.box(extents=(0.02, 0.02, 0.12))
+    points, faces = trimesh.sample.sample_surface(post, 3000, seed=0)
+    ways = np.zeros((16, 3))
+    ways[:, 2] = np.linspace(-0.02, 0.02, 16)
+    normals = np.tile(post.face_normals[faces], (16, 1, 1))
+    seen = PlausibleObjects(np.asarray(points) + ways[:, None], normals, ways, np.full(16, 0.1))
+    start = at(0.0, z=0.025)  # the palm is 2 mm above the post
+    grasps, _, before, now = placed(start, post, seen)
+    assert grasps[0].object_from_gripper[2, 3] > 0.028
+    assert now[0] > before[0] + 0.02
+
+
+def test_no_place_inside_an_obstacle_is_taken():
+    wall = trimesh.creation.box(extents=(0.2, 0.02, 0.06))
+    beside = Scene((("wall", wall, rigid(np.eye(3), np.array([0.0, 0.02, 0.07]))),))
+    grasps, checks, *_ = placed(at(0.06), scene=beside)
+    assert checks[0].usable
+    blocked = check_grasps(at(0.052), CollisionWorld(BEAM, beside), PANDA)[0]
+    assert not blocked.usable  # where it would go without the obstacle
+    assert grasps[0].object_from_gripper[1, 3] > 0.055
+
+
+def test_only_usable_grasps_are_placed_and_all_come_back_in_order():
+    grasps = [*at(0.5), *at(0.1), *at(0.09)]
+    after, checks, *_ = placed(grasps, settings=Placement(most=1))
+    assert [check.usable for check in checks] == [False, True, True]
+    assert after[0] is grasps[0]
+    assert after[1] is grasps[1]  # the other scores higher, and one was to be placed
+    assert after[2] is not grasps[2]
+    assert place_grasps([], [], CollisionWorld(BEAM), PANDA, plausible=PlausibleObjects.draw(BEAM)) == (
+        (),
+        (),
+    )
+
+
+def test_some_draws_keep_their_pairs():
+    seen = PlausibleObjects.draw(BEAM)
+    few = seen.some(8)
+    assert len(few.points) == 8
+    np.testing.assert_allclose(few.centres.mean(axis=0), seen.centres.mean(axis=0), atol=1e-3)
+    np.testing.assert_array_equal(few.points[4], seen.points[12])
+    assert len(seen.some(1000).points) == len(seen.points)
