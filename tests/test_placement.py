@@ -37,14 +37,14 @@ def placed(grasps, mesh=BEAM, plausible=None, scene=None, settings=None):
 
 
 def test_a_grasp_beside_the_weight_moves_towards_it():
-    grasps, checks, before, now = placed(at(0.06))
-    assert grasps[0].object_from_gripper[1, 3] < 0.056
+    grasps, checks, before, now = placed(at(0.1))
+    assert grasps[0].object_from_gripper[1, 3] < 0.096
     assert now[0] > before[0]
     assert checks[0].usable
 
 
 def test_what_is_shifted_keeps_its_turn_and_closes_on_the_middle():
-    start = at(0.06)
+    start = at(0.1)
     grasps, checks, *_ = placed(start)
     pose = grasps[0].object_from_gripper
     np.testing.assert_array_equal(pose[:3, :3], start[0].object_from_gripper[:3, :3])
@@ -77,12 +77,12 @@ def test_doubt_of_the_height_asks_for_room_before_the_palm():
 
 def test_no_place_inside_an_obstacle_is_taken():
     wall = trimesh.creation.box(extents=(0.2, 0.02, 0.06))
-    beside = Scene((("wall", wall, rigid(np.eye(3), np.array([0.0, 0.02, 0.07]))),))
-    grasps, checks, *_ = placed(at(0.06), scene=beside)
+    beside = Scene((("wall", wall, rigid(np.eye(3), np.array([0.0, 0.06, 0.07]))),))
+    grasps, checks, *_ = placed(at(0.1), scene=beside)
     assert checks[0].usable
-    blocked = check_grasps(at(0.052), CollisionWorld(BEAM, beside), PANDA)[0]
+    blocked = check_grasps(at(0.092), CollisionWorld(BEAM, beside), PANDA)[0]
     assert not blocked.usable  # where it would go without the obstacle
-    assert grasps[0].object_from_gripper[1, 3] > 0.055
+    assert grasps[0].object_from_gripper[1, 3] > 0.095
 
 
 def test_only_usable_grasps_are_placed_and_all_come_back_in_order():

@@ -98,13 +98,19 @@ BAR = trimesh.creation.box(extents=(0.04, 0.16, 0.04))
 DOWN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # closes across the bar, along x
 
 
+def drawn_surface(mesh):
+    """Points and normals of one draw."""
+    points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=0)
+    return np.asarray(points)[None], mesh.face_normals[faces][None]
+
+
 def moved_along(mesh, axis, ways):
     """A mesh whose place along one axis is in doubt: one draw for each way [m]."""
-    points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=0)
+    points, normals = drawn_surface(mesh)
     centres = np.zeros((len(ways), 3))
     centres[:, axis] = ways
-    normals = np.tile(mesh.face_normals[faces], (len(ways), 1, 1))
-    return PlausibleObjects(np.asarray(points) + centres[:, None], normals, centres, np.full(len(ways), 0.1))
+    normals = np.tile(normals, (len(ways), 1, 1))
+    return PlausibleObjects(points + centres[:, None], normals, centres, np.full(len(ways), 0.1))
 
 
 def seen_along(axis, farthest):
@@ -184,6 +190,21 @@ def test_what_stands_above_the_pads_topples_sooner_than_what_hangs_below_them(he
     seen = PlausibleObjects.draw(post)
     low, high = rank_grasps(grasps, check_grasps(grasps, post, PANDA), PANDA, plausible=seen)
     assert 0 < low < high
+
+
+def test_a_weight_beside_one_pad_counts_less_than_one_across_the_closing_line():
+    bar, down = trimesh.creation.box(extents=(0.05, 0.05, 0.05)), rigid(DOWN, np.array([0, 0, 0.01]))
+    grasps = on_canonical([Grasp("g", "bar", down, 0.05)])
+    points, normals = drawn_surface(bar)
+    moments = []
+    for centre in ([0, 0, 0.01], [0.03, 0, 0.01], [0, 0.03, 0.01]):
+        seen = PlausibleObjects(points, normals, np.array([centre]), np.array([0.5]))
+        features = grasp_features(grasps, check_grasps(grasps, bar, PANDA), PANDA, plausible=seen)
+        moments.append(float(features[0][0, FEATURES.index("moment")]))
+    middle, aside, across = moments
+    assert middle == pytest.approx(0, abs=1e-6)
+    assert across == pytest.approx(0.5 * 3)  # kg cm
+    assert 0.2 * across < aside < 0.8 * across
 
 
 def test_a_cavity_weighs_nothing():
