@@ -1,15 +1,18 @@
 """What `bench grasp` makes of executed grasps."""
 
 import io
+from functools import partial
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from grasptransfer.benchmark.grasp import GraspSettings, _Outcome, _row, _summary
+from grasptransfer.benchmark.commands.run import run
+from grasptransfer.benchmark.grasp import GraspSettings, _Outcome, _row, _summary, run_grasp_benchmark
 from grasptransfer.benchmark.seen_instances import Instance
 from grasptransfer.benchmark.tables import rows_table
 from grasptransfer.category import load_category
+from grasptransfer.errors import SettingsError
 from grasptransfer.grasping import CheckStatus
 from grasptransfer.result import TransferredGrasp
 
@@ -56,3 +59,10 @@ def test_the_table_has_a_line_for_each_category_and_estimator(row):
     assert len(lines) == 2
     cells = [cell.strip() for cell in lines[0].split("│")[1:-1]]
     assert cells == ["mug", "rgb", "50", "33", "50", "33", "33"]
+
+
+def test_a_benchmark_that_is_refused_shows_no_progress(capsys, tmp_path):
+    settings = GraspSettings(("mug",), views=75)
+    with pytest.raises(SettingsError, match="views"):
+        run(partial(run_grasp_benchmark, settings), tmp_path / "results.json")
+    assert "instances" not in capsys.readouterr().out

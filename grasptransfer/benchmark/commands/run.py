@@ -28,8 +28,12 @@ def run(benchmark: Callable[..., dict], json: Path) -> int:
 
     _check_place(json)
     with progress_bar(console) as progress:
-        task = progress.add_task("instances", total=None)
-        result = benchmark(progress=lambda done, total: progress.update(task, completed=done, total=total))
+        task = progress.add_task("instances", total=None, visible=False)  # not before the settings are taken
+
+        def tell(done: int, total: int):
+            progress.update(task, completed=done, total=total, visible=True)
+
+        result = benchmark(progress=tell)
     write_document(result, json)
     ledger_of(json).unlink(missing_ok=True)
     rows = rows_table(result)
