@@ -6,7 +6,6 @@ grasps is tried at the places of a small grid, deeper or less deep and along the
 success is that of the ranking, on some of its draws. The best place that passes the check is taken.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -134,15 +133,9 @@ class _Search:
         return np.asarray(expected_success(features, Ranking().weights))
 
     def _moved(self, grasp: WarpedGrasp, shift: Float[np.ndarray, "3"], row: int) -> WarpedGrasp:
-        pose, width = grasp.object_from_gripper.copy(), float(self.closing.width[row])
+        pose = grasp.object_from_gripper.copy()
         pose[:3, 3] += pose[:3, :3] @ shift
-        return dataclasses.replace(
-            grasp,
-            object_from_gripper=pose,
-            width=width,
-            contacts=self.closing.points[row],
-            opening=None if grasp.opening is None else grasp.opening + width - grasp.width,
-        )
+        return grasp.closing_at(pose, float(self.closing.width[row]), self.closing.points[row])
 
 
 def _grid(ways: tuple[float, ...]) -> Float[np.ndarray, "p 3"]:

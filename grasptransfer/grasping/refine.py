@@ -8,7 +8,6 @@ intention. The samples are the same for every grasp and every call: a grasp refi
 among others.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -247,14 +246,7 @@ class _Search:
         grasp = self.grasps[i]
         if not closing.touching[i].all():
             return grasp
-        width = float(closing.width[i])
-        return dataclasses.replace(
-            grasp,
-            object_from_gripper=self.best[i],
-            width=width,
-            contacts=closing.points[i],
-            opening=None if grasp.opening is None else grasp.opening + width - grasp.width,
-        )
+        return grasp.closing_at(self.best[i], float(closing.width[i]), closing.points[i])
 
 
 def _rotations(vectors: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3 3"]:

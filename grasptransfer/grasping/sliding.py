@@ -4,7 +4,6 @@ A wine bottle is wider than the canonical one, and so is every grasp around its 
 higher, at the shoulder, a gripper gets around it. The approach and the closing direction stay.
 """
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -50,12 +49,6 @@ def _slid(grasp: WarpedGrasp, surface: Surface, gripper: Gripper) -> WarpedGrasp
     if not fits.any():
         return grasp
     nearest = int(np.argmax(fits))
-    pose, width = poses[nearest], float(closing.width[nearest])
+    pose = poses[nearest]
     pose[:3, 3] += pose[:3, 0] * closing.local[nearest, :, 0].mean()
-    return dataclasses.replace(
-        grasp,
-        object_from_gripper=pose,
-        width=width,
-        contacts=closing.points[nearest],
-        opening=None if grasp.opening is None else grasp.opening + width - grasp.width,
-    )
+    return grasp.closing_at(pose, float(closing.width[nearest]), closing.points[nearest])

@@ -17,7 +17,7 @@ Least-Squares Fitting of Two 3-D Point Sets, 1987 (rigid fit).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -72,6 +72,15 @@ class WarpedGrasp:
     opening: float | None
     method: str
     stretch: tuple[float, float]
+
+    def closing_at(
+        self, object_from_gripper: Float[np.ndarray, "4 4"], width: float, contacts: Float[np.ndarray, "2 3"]
+    ) -> "WarpedGrasp":
+        """The grasp at another TCP pose (4, 4) [m], where the pads close on this width; its room stays."""
+        opening = None if self.opening is None else self.opening + width - self.width
+        return replace(
+            self, object_from_gripper=object_from_gripper, width=width, contacts=contacts, opening=opening
+        )
 
 
 def warp_grasps(
