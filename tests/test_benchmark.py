@@ -18,7 +18,12 @@ from grasptransfer.benchmark.registration import (
     run_registration_benchmark,
 )
 from grasptransfer.benchmark.registration_summary import MethodScores, summarise
-from grasptransfer.benchmark.seen_instances import load_instance, spread_views
+from grasptransfer.benchmark.seen_instances import (
+    load_instance,
+    random_names,
+    spread_views,
+    viewpoints_of,
+)
 from grasptransfer.benchmark.tables import rows_table
 from grasptransfer.camera import Camera
 from grasptransfer.errors import SettingsError
@@ -38,9 +43,9 @@ def judge(mug):
 
 
 def test_all_74_views_are_themselves_and_fewer_hold_few_poles():
-    np.testing.assert_array_equal(spread_views(74), np.arange(74))
+    assert spread_views(74) == list(range(74))
     for views in (6, 8, 10, 12, 20):
-        chosen = spread_views(views)
+        chosen = np.array(spread_views(views))
         assert len(set(chosen)) == views
         assert not {0, 73} & set(chosen)
         azimuths, rings = (chosen - 1) % 12, (chosen - 1) // 12
@@ -48,6 +53,22 @@ def test_all_74_views_are_themselves_and_fewer_hold_few_poles():
         assert len(set(rings)) >= 5
     with pytest.raises(SettingsError, match="74"):
         spread_views(75)
+
+
+def test_random_shapes_are_seen_from_the_next_viewpoints_each():
+    names = random_names(37, 0)
+    seen = [viewpoint for name in names for viewpoint in viewpoints_of(name, 2)]
+    assert sorted(seen) == list(range(74))
+    assert viewpoints_of("mug_0014", 12) == spread_views(12)
+    with pytest.raises(SettingsError, match="objects"):
+        random_names(0, 0)
+
+
+def test_a_random_shape_has_the_field_that_a_shipped_instance_of_its_seed_has(mug):
+    drawn = load_instance("mug", "random_14")
+    np.testing.assert_allclose(drawn.solid.bounds, mug.solid.bounds, atol=1e-6)
+    points = np.asarray(mug.category.canonical.vertices)
+    np.testing.assert_allclose(drawn.true_field(points), mug.true_field(points), atol=1e-4)
 
 
 def test_voxels_keep_the_first_point_of_each_cell():

@@ -20,7 +20,7 @@ def folder(tmp_path_factory):
     instance = load_instance("mug", "mug_0014", None)
     instance.solid.export(folder / "mug.glb")
     with Renderer() as renderer:
-        seen, pose = observe_instance(instance, 40, views=74, renderer=renderer)
+        seen, pose = observe_instance(instance, 40, renderer=renderer)
     Image.fromarray(seen.image).save(folder / "mug.png")
     Image.fromarray(np.round(seen.depth * 1000).astype(np.uint16)).save(folder / "depth.png")
     Image.fromarray(seen.mask.astype(np.uint8) * 255).save(folder / "mask.png")

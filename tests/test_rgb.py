@@ -30,7 +30,7 @@ def estimator(renderer):
 def seen(renderer):
     """A picture of a mug, without depth and mask."""
     instance = next(iter(instances(["mug"], None)))
-    observation, _ = observe_instance(instance, 30, views=74, renderer=renderer)
+    observation, _ = observe_instance(instance, 30, renderer=renderer)
     return replace(observation, depth=None, mask=None)
 
 
@@ -41,7 +41,7 @@ def test_reconstruction_and_mask_meet_unseen_instances(category, renderer):
     rgb, rigid, ious = [], [], []
     for instance in list(instances([category], None))[:4]:
         truth = outer_surface(instance.solid, 1000)
-        observation, _ = observe_instance(instance, 30, views=74, renderer=renderer)
+        observation, _ = observe_instance(instance, 30, renderer=renderer)
         estimate = estimator(replace(observation, depth=None, mask=None))
         rgb.append(shape_error(truth, estimate.field(canonical)).E)
         rigid.append(shape_error(truth, canonical).E)
@@ -62,7 +62,7 @@ def test_no_box_is_needed(estimator, seen):
 
 def test_a_told_mask_is_what_the_outline_meets(renderer):
     instance = next(iter(instances(["mug"], None)))
-    told, _ = observe_instance(instance, 30, views=74, renderer=renderer)
+    told, _ = observe_instance(instance, 30, renderer=renderer)
     estimator = RgbEstimator(gt.load_category("mug"), renderer=renderer, refine_pose=False, device="cpu")
     estimate = estimator(replace(told, depth=None))
     both, either = (estimate.mask & told.mask).sum(), (estimate.mask | told.mask).sum()
@@ -91,7 +91,7 @@ def test_a_pose_far_beside_the_told_box_is_found_again(seen, renderer):
 
 def test_another_object_is_refused(estimator, renderer):
     drill = next(iter(instances(["drill"], None)))
-    observation, _ = observe_instance(drill, 30, views=74, renderer=renderer)
+    observation, _ = observe_instance(drill, 30, renderer=renderer)
     estimate = estimator(replace(observation, depth=None, mask=None))
     assert estimate.status is EstimateStatus.OUT_OF_CATEGORY
 

@@ -33,7 +33,7 @@ def mug():
 @pytest.fixture(scope="module")
 def seen(mug, renderer):
     """What a camera sees of it, and its true latent."""
-    observation, pose = observe_instance(mug, 40, views=74, renderer=renderer)
+    observation, pose = observe_instance(mug, 40, renderer=renderer)
     return observation, pose, mug.category.shape_space.encode(mug.true_field.weights)
 
 
@@ -184,7 +184,7 @@ def test_sensed_depth_of_random_bottles_of_glass_helps_against_a_wrong_pose(rend
         shape = shapes.sample("bottle", seed)
         instance = Instance(category, str(seed), shape.scene(), none)
         noise = PoseNoise(0.02, np.deg2rad(5))
-        sight = see_instance(instance, seed % 74, views=74, renderer=renderer, noise=noise)
+        sight = see_instance(instance, seed % 74, renderer=renderer, noise=noise)
         sensed = replace(sense(sight, GlassSettings(("bottle",)), 0), mask=None)
         truth = outer_surface(shape.mesh(), 1000)
         first = rgb(replace(sensed, depth=None))

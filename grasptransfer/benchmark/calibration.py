@@ -11,12 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from grasptransfer import shapes
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.grasp import as_executed
 from grasptransfer.benchmark.instance_pool import measure_instances
-from grasptransfer.benchmark.seen_instances import Instance, observe_instance
-from grasptransfer.category import load_category
+from grasptransfer.benchmark.seen_instances import (
+    load_instance,
+    observe_instance,
+    random_names,
+    viewpoints_of,
+)
 from grasptransfer.errors import SettingsError
 from grasptransfer.grasping import load_gripper
 from grasptransfer.grasping.ranking import (
@@ -30,8 +33,6 @@ from grasptransfer.grasping.ranking import (
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.scenes import NO_NOISE, PoseNoise
-from grasptransfer.perception.views import VIEWPOINTS
-from grasptransfer.registration import DeformationField
 from grasptransfer.simulation import simulate
 from grasptransfer.transfer import GraspTransfer
 
@@ -91,14 +92,15 @@ def run_calibration(
     """
     if settings.objects < 2:
         raise SettingsError("must be at least 2", key="objects", value=settings.objects)
-    tasks = [(name, str(number)) for name in settings.categories for number in range(settings.objects)]
+    names = random_names(settings.objects, FIRST_SEED)
+    tasks = [(category, name) for category in settings.categories for name in names]
     found = measure_instances(_execute_on, settings, tasks, workers=workers, ledger=ledger, progress=progress)
     executed = {
         task: [Executed(np.array(grasp["features"], float), grasp["held"]) for grasp in one["grasps"]]
         for task, one in zip(tasks, found, strict=True)
     }
-    even = [grasp for task in tasks if int(task[1]) % 2 == 0 for grasp in executed[task]]
-    odd = [grasp for task in tasks if int(task[1]) % 2 == 1 for grasp in executed[task]]
+    even = [grasp for task in tasks if task[1] in names[::2] for grasp in executed[task]]
+    odd = [grasp for task in tasks if task[1] in names[1::2] for grasp in executed[task]]
     present, fitted = Ranking().weights, fit_weights([*even, *odd])
     crossed = [(fit_weights(odd), even), (fit_weights(even), odd)]
     scores = [(float(expected_success(g.features, w)), g.held) for w, group in crossed for g in group]
@@ -147,30 +149,20 @@ def calibration_error(rows: list[dict], name: str) -> float:
     return sum(row["grasps"] * abs(row["score"] - row["held"]) for row in chosen) / max(grasps, 1)
 
 
-def _execute_on(settings: CalibrationSettings, name: str, numbered: str) -> dict:
+def _execute_on(settings: CalibrationSettings, category: str, name: str) -> dict:
     """`grasps` on one random shape: features in each draw, and whether each held."""
-    number = int(numbered)
-    category, gripper = load_category(name), load_gripper(settings.gripper)
-    shape = shapes.sample(name, FIRST_SEED + number)
-    still = DeformationField.identity(category.shape_space.control_points)
-    instance = Instance(category, f"random {number}", shape.scene(), still)
+    instance, gripper = load_instance(category, name), load_gripper(settings.gripper)
     noises = (NO_NOISE, PoseNoise(settings.translation_noise, settings.rotation_noise))
     executed: list[Executed] = []
     with Renderer() as renderer:
         flows = []
         for noise in noises:
-            estimator = RgbEstimator(category, renderer=renderer, refine_pose=noise != NO_NOISE)
-            flows.append(GraspTransfer(category, gripper=gripper, estimator=estimator))
-        spread = min(settings.views * settings.objects, VIEWPOINTS)
-        for view in range(settings.views):
+            estimator = RgbEstimator(instance.category, renderer=renderer, refine_pose=noise != NO_NOISE)
+            flows.append(GraspTransfer(instance.category, gripper=gripper, estimator=estimator))
+        for view, viewpoint in enumerate(viewpoints_of(name, settings.views)):
             flow, noise = flows[view % 2], noises[view % 2]
             observation, pose = observe_instance(
-                instance,
-                (view + settings.views * number) % spread,
-                views=spread,
-                renderer=renderer,
-                noise=noise,
-                seed=settings.seed + number,
+                instance, viewpoint, renderer=renderer, noise=noise, seed=settings.seed
             )
             executed += _execute(flow, replace(observation, depth=None, mask=None), pose, instance, settings)
     return {"grasps": [{"features": one.features.tolist(), "held": one.held} for one in executed]}

@@ -15,7 +15,7 @@ from grasptransfer.perception.rendering import Renderer, position_image
 from grasptransfer.perception.zoom import projected_box, union, zoom_box, zoom_camera, zoom_picture
 from grasptransfer.registration import DeformationField
 
-VIEW = 50  # of the 74: from in front, a little aside and above
+VIEWPOINT = 50  # of the 74: from in front, a little aside and above
 AXES = ("x", "y", "z")
 CELL = 1.6  # inches
 
@@ -48,16 +48,16 @@ def map_deformation(
     renderer: Renderer,
     method: str = "rgb",
     weights: Path | None = None,
-    view: int = VIEW,
+    viewpoint: int = VIEWPOINT,
     seed: int = 0,
 ) -> DeformationMap:
     """See an instance and compare the estimated field with the true one at the canonical's visible pixels.
 
     Args:
         method: one of `estimators.NAMES`.
-        view: of the 74.
+        viewpoint: index of the 74.
     """
-    sight = see_instance(instance, view, views=74, renderer=renderer, seed=seed)
+    sight = see_instance(instance, viewpoint, renderer=renderer, seed=seed)
     seen, category = sight.observation, instance.category
     kit = EstimatorSet(renderer, refine_pose=False, weights=weights)
     estimate = kit.of(instance, (method,))[method](seen)

@@ -13,7 +13,13 @@ from grasptransfer.benchmark.estimators import EstimatorSet
 from grasptransfer.benchmark.instance_pool import measure_instances
 from grasptransfer.benchmark.judge import Judge
 from grasptransfer.benchmark.registration_summary import MethodScores
-from grasptransfer.benchmark.seen_instances import Sight, instance_names, load_instance, sights, spread_views
+from grasptransfer.benchmark.seen_instances import (
+    Sight,
+    instance_names,
+    load_instance,
+    see_instance,
+    spread_views,
+)
 from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
@@ -105,8 +111,10 @@ def measure_glass(settings: GlassSettings, category: str, name: str) -> dict:
     with Renderer() as renderer:
         kit = EstimatorSet(renderer, refine_pose=settings.pose_noise is not None, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
-        seen = sights(instance, renderer, views=settings.views, noise=settings.pose_noise, seed=settings.seed)
-        for view, sight in enumerate(seen):
+        for view, viewpoint in enumerate(spread_views(settings.views)):
+            sight = see_instance(
+                instance, viewpoint, renderer=renderer, noise=settings.pose_noise, seed=settings.seed
+            )
             sensed = sense(sight, settings, view)
             gated = _gated(sensed, instance.category) if settings.gate else sensed
             for key, value in _shares(sight, gated).items():

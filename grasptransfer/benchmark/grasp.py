@@ -16,7 +16,9 @@ from grasptransfer.benchmark.seen_instances import (
     instance_names,
     load_instance,
     observe_instance,
+    random_names,
     spread_views,
+    viewpoints_of,
 )
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
@@ -27,6 +29,7 @@ from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import load_protocol, simulate
 from grasptransfer.transfer import GraspTransfer
 
+FIRST_SEED = 79_000_000  # of random shapes: far from those that networks, spaces and ranking were fitted to
 ESTIMATORS = ("gt", "rgb", "cls", "cpd", "similarity", "rigid")
 
 
@@ -37,7 +40,8 @@ class GraspSettings:
     Args:
         categories: names.
         meshes: folder of `<category>/<name>/mesh.*`; None takes the shipped test instances.
-        views: of the 74 viewpoints, spread evenly.
+        objects: random shapes of each category instead of the test instances; 0: none.
+        views: of the 74 viewpoints, spread evenly; random shapes are each seen from the next ones.
         gripper: name.
         protocol: of the execution.
         seed: of lights, backgrounds, pose errors and trials.
@@ -48,6 +52,7 @@ class GraspSettings:
 
     categories: tuple[str, ...]
     meshes: Path | None = None
+    objects: int = 0
     views: int = 12
     gripper: str = "panda"
     protocol: str = "lift-shake-v1"
@@ -73,7 +78,7 @@ def run_grasp_benchmark(
         ledger: file that an interrupted run resumes from.
 
     Raises:
-        SettingsError: an unknown estimator or protocol, or a wrong number of views.
+        SettingsError: an unknown estimator or protocol, a wrong number of views, or both meshes and objects.
         GripperError: an unknown gripper.
     """
     unknown = set(settings.estimators) - set(ESTIMATORS)
@@ -81,14 +86,22 @@ def run_grasp_benchmark(
         raise SettingsError("unknown estimator", key="estimators", value=sorted(unknown), choices=ESTIMATORS)
     load_protocol(settings.protocol)  # wrong names are refused before minutes of pictures
     load_gripper(settings.gripper)
-    found = [(name, told) for name in settings.categories for told in instance_names(name, settings.meshes)]
     spread_views(settings.views)
+    found = [(category, name) for category in settings.categories for name in _names(settings, category)]
     measured = measure_instances(
         _measure_instance, settings, found, workers=workers, ledger=ledger, progress=progress
     )
     rows = [row for instance in measured for row in instance["rows"]]
     rows.sort(key=lambda row: (row["category"], row["instance"], row["estimator"]))
     return document("grasp", settings=asdict(settings), rows=rows, summary=_summary(rows, settings))
+
+
+def _names(settings: GraspSettings, category: str) -> list[str]:
+    if not settings.objects:
+        return instance_names(category, settings.meshes)
+    if settings.meshes is not None:
+        raise SettingsError("take the place of meshes: name one", key="objects", value=settings.objects)
+    return random_names(settings.objects, FIRST_SEED)
 
 
 def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict:
@@ -106,9 +119,9 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
             key: GraspTransfer(instance.category, gripper=gripper, estimator=estimator)
             for key, estimator in estimators.items()
         }
-        for view in range(settings.views):
+        for viewpoint in viewpoints_of(name, settings.views):
             observation, pose = observe_instance(
-                instance, view, views=settings.views, renderer=renderer, noise=noise, seed=settings.seed
+                instance, viewpoint, renderer=renderer, noise=noise, seed=settings.seed
             )
             for key, flow in flows.items():
                 seen = replace(observation, camera_from_object=pose) if key == "gt" else observation

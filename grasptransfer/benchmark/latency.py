@@ -11,7 +11,12 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from grasptransfer.benchmark.document import document
-from grasptransfer.benchmark.seen_instances import instance_names, load_instance, observe_instance
+from grasptransfer.benchmark.seen_instances import (
+    instance_names,
+    load_instance,
+    observe_instance,
+    spread_views,
+)
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.observation import Observation
 
@@ -138,14 +143,13 @@ def _pictures(settings: LatencySettings, category: str) -> list[Observation]:
     from grasptransfer.perception.views import VIEWPOINTS
 
     names = instance_names(category, None)
+    viewpoints = spread_views(min(settings.views + 1, VIEWPOINTS))
     seen = []
     with Renderer() as renderer:
         for view in range(settings.views + 1):
             instance = load_instance(category, names[view % len(names)], None)
-            spread = min(settings.views + 1, VIEWPOINTS)
-            observation, _ = observe_instance(
-                instance, view % spread, views=spread, renderer=renderer, seed=settings.seed
-            )
+            viewpoint = viewpoints[view % len(viewpoints)]
+            observation, _ = observe_instance(instance, viewpoint, renderer=renderer, seed=settings.seed)
             if settings.estimator in ("rgb", "similarity", "rigid"):
                 observation = replace(observation, depth=None, mask=None)
             seen.append(observation)

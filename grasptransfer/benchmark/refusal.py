@@ -37,7 +37,7 @@ def run_refusal_benchmark(
     settings: RefusalSettings, *, progress: Callable[[int, int], None] | None = None
 ) -> dict:
     """Scores of every estimator on every object; the pose is told, the box is the object's."""
-    spread_views(settings.views)  # refuses a wrong number before the first picture
+    viewpoints = spread_views(settings.views)
     rows: list[dict] = []
     with Renderer() as renderer:
         for done, name in enumerate(settings.categories, 1):
@@ -45,8 +45,9 @@ def run_refusal_benchmark(
             estimator = RgbEstimator(category, renderer=renderer, refine_pose=False)
             for shown, instance in _objects(settings, category):
                 rows += [
-                    _look(estimator, instance, view, settings, renderer) | {"category": name, "shown": shown}
-                    for view in range(settings.views)
+                    _look(estimator, instance, viewpoint, settings.seed, renderer)
+                    | {"category": name, "shown": shown, "view": view}
+                    for view, viewpoint in enumerate(viewpoints)
                 ]
             if progress:
                 progress(done, len(settings.categories))
@@ -84,15 +85,12 @@ def _objects(settings: RefusalSettings, category: Category) -> Iterator[tuple[st
         yield RANDOM, Instance(category, f"random {index}", mesh, still)
 
 
-def _look(estimator, instance, view: int, settings: RefusalSettings, renderer: Renderer) -> dict:
-    observation, _ = observe_instance(
-        instance, view, views=settings.views, renderer=renderer, seed=settings.seed
-    )
+def _look(estimator, instance, viewpoint: int, seed: int, renderer: Renderer) -> dict:
+    observation, _ = observe_instance(instance, viewpoint, renderer=renderer, seed=seed)
     estimate = estimator(replace(observation, depth=None, mask=None))
     accepted = estimate.status is not EstimateStatus.OUT_OF_CATEGORY
     return {
         "instance": instance.name,
-        "view": view,
         "score": estimate.category_score,
         "accepted": bool(accepted),
     }

@@ -12,7 +12,7 @@ from grasptransfer.benchmark.estimators import NAMES, OFFERED, EstimatorSet
 from grasptransfer.benchmark.instance_pool import measure_instances
 from grasptransfer.benchmark.judge import Judge
 from grasptransfer.benchmark.registration_summary import MethodScores, summarise
-from grasptransfer.benchmark.seen_instances import instance_names, load_instance, sights, spread_views
+from grasptransfer.benchmark.seen_instances import instance_names, load_instance, see_instance, spread_views
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import rotation_angle
 from grasptransfer.perception.rendering import Renderer
@@ -119,9 +119,10 @@ def measure_registration(settings: RegistrationSettings, category: str, name: st
     with Renderer() as renderer:
         kit = EstimatorSet(renderer, settings.refine_pose, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
-        for sight in sights(
-            instance, renderer, views=settings.views, noise=settings.noise, seed=settings.seed
-        ):
+        for viewpoint in spread_views(settings.views):
+            sight = see_instance(
+                instance, viewpoint, renderer=renderer, noise=settings.noise, seed=settings.seed
+            )
             seen, pose = sight.observation, sight.pose
             for method, estimator in estimators.items():
                 estimate = judge.ask(estimator, seen, true_pose=pose, method=method, scores=scores[method])

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32
 
+from grasptransfer import shapes
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.errors import MeshError, SettingsError
@@ -18,10 +19,13 @@ from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.scenes import PoseNoise, draw_lighting
 from grasptransfer.perception.views import VIEWPOINTS, sphere_views
 from grasptransfer.registration import DeformationField, cpd
+from grasptransfer.shapes.canonical_surface import CanonicalSurface, surface_of
+from grasptransfer.shapes.space_choice import fit_weights
 
 CAMERA = Camera.from_fov(640, 480, np.deg2rad(60))
 FILL = 0.55  # share of the picture's height that the object covers
 MESH_SUFFIXES = (".glb", ".obj", ".ply", ".off", ".stl")
+RANDOM = "random_"  # before the seed, in the names of shapes that are drawn when asked for
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,22 @@ def instance_names(category: str, meshes: Path | None) -> list[str]:
     return sorted(path.name for path in (meshes / load_category(category).name).glob("*") if path.is_dir())
 
 
-def load_instance(category: str, name: str, meshes: Path | None) -> Instance:
-    """One of `instance_names`, with the field that leads to it."""
+def random_names(objects: int, first_seed: int) -> list[str]:
+    """Names of random shapes, for `load_instance`.
+
+    Raises:
+        SettingsError: fewer than one.
+    """
+    if objects < 1:
+        raise SettingsError("must be at least 1", key="objects", value=objects)
+    return [f"{RANDOM}{first_seed + number}" for number in range(objects)]
+
+
+def load_instance(category: str, name: str, meshes: Path | None = None) -> Instance:
+    """One of `instance_names` or `random_names`, with the field that leads to it."""
     loaded = _load_category(category)
+    if name.startswith(RANDOM):
+        return _random(loaded, name)
     if meshes is None:
         return Instance(loaded, name, loaded.instance_scene(name), loaded.field(name), exact=True)
     return _from_folder(loaded, meshes / loaded.name / name)
@@ -91,8 +108,31 @@ def _from_folder(category: Category, folder: Path) -> Instance:
     return Instance(category, folder.name, mesh, field)
 
 
-def spread_views(views: int) -> Int[np.ndarray, "views"]:
+def _random(category: Category, name: str) -> Instance:
+    shape = shapes.sample(category.name, int(name.removeprefix(RANDOM)))
+    space, surface = category.shape_space, _surface(category.name)
+    moved = surface.displacements(shape)[None]
+    weights = fit_weights(surface.points, space, category.settings.lam, moved)[0]
+    field = DeformationField(space.control_points, weights, space.beta, space.centre, space.scale)
+    return Instance(category, name, shape.scene(), field, exact=True)
+
+
+@lru_cache(maxsize=8)
+def _surface(category: str) -> CanonicalSurface:
+    return surface_of(shapes.canonical(category))
+
+
+def viewpoints_of(name: str, views: int) -> list[int]:
+    """Which viewpoints an instance is seen from: all the same, but random shapes each the next ones."""
+    return spread_views(views, start=views * int(name.removeprefix(RANDOM)) if name.startswith(RANDOM) else 0)
+
+
+def spread_views(views: int, *, start: int = 0) -> list[int]:
     """Indices of viewpoints that stand for all 74: every side and height, the poles as rarely as they are.
+
+    Args:
+        views: how many.
+        start: how many come before them in the order in which few stand for all.
 
     Raises:
         SettingsError: not 1 to 74 of them.
@@ -100,7 +140,7 @@ def spread_views(views: int) -> Int[np.ndarray, "views"]:
     if not 1 <= views <= VIEWPOINTS:
         raise SettingsError(f"must lie between 1 and {VIEWPOINTS}", key="views", value=views)
     # 29 has no divisor in common with 74, and a stride of 29 turns by 5/12 and climbs by 2.4 rings.
-    return np.sort((np.arange(views) * 29 + 17) % VIEWPOINTS)
+    return sorted((view * 29 + 17) % VIEWPOINTS for view in range(start, start + views))
 
 
 @dataclass(frozen=True)
@@ -118,38 +158,23 @@ class Sight:
     coverage: Float32[np.ndarray, "h w"]
 
 
-def sights(
-    instance: Instance,
-    renderer: Renderer,
-    *,
-    views: int,
-    noise: PoseNoise | None = None,
-    seed: int = 0,
-) -> Iterator[Sight]:
-    """An instance from each of the chosen viewpoints in turn; arguments as of `see_instance`."""
-    for view in range(views):
-        yield see_instance(instance, view, views=views, renderer=renderer, noise=noise, seed=seed)
-
-
 def observe_instance(
     instance: Instance,
-    view: int,
+    viewpoint: int,
     *,
-    views: int,
     renderer: Renderer,
     noise: PoseNoise | None = None,
     seed: int = 0,
 ) -> tuple[Observation, Float[np.ndarray, "4 4"]]:
-    """Picture, depth and mask of an instance from one of the paper's 74 viewpoints, and the true pose."""
-    sight = see_instance(instance, view, views=views, renderer=renderer, noise=noise, seed=seed)
+    """Picture, depth and mask of an instance, and the true pose; arguments as of `see_instance`."""
+    sight = see_instance(instance, viewpoint, renderer=renderer, noise=noise, seed=seed)
     return sight.observation, sight.pose
 
 
 def see_instance(
     instance: Instance,
-    view: int,
+    viewpoint: int,
     *,
-    views: int,
     renderer: Renderer,
     noise: PoseNoise | None = None,
     seed: int = 0,
@@ -157,16 +182,14 @@ def see_instance(
     """What a camera sees of an instance from one of the paper's 74 viewpoints.
 
     Args:
-        view: index among the chosen viewpoints.
-        views: how many are chosen, see `spread_views`.
+        viewpoint: its index, from 0.
         noise: error of the told pose.
-        seed: of light, background and pose error.
+        seed: of light, background and pose error, which differ between viewpoints.
     """
-    index = int(spread_views(views)[view])
     radius = float(np.linalg.norm(np.asarray(instance.solid.bounds), axis=1).max())
     distance = CAMERA.fy * 2 * radius / (FILL * CAMERA.height)
-    pose = sphere_views(distance)[index]
-    rng = np.random.default_rng([seed, index])
+    pose = sphere_views(distance)[viewpoint]
+    rng = np.random.default_rng([seed, viewpoint])
     picture = renderer.render(instance.mesh, CAMERA, pose, lighting=draw_lighting(rng))
     background = draw_backdrop(rng, CAMERA.width, CAMERA.height)
     told = noise.apply(pose, rng) if noise else pose

@@ -23,6 +23,7 @@ def grasp(
     json: Json,
     categories: Categories = (),
     meshes: Meshes = None,
+    objects: int = 0,
     views: Views = 12,
     estimators: tuple[str, ...] = ("gt", "rgb", "cls", "cpd", "similarity", "rigid"),
     gripper: Gripper = "panda",
@@ -35,6 +36,7 @@ def grasp(
     """Grasp success in PyBullet, on the true mesh, of rgb and the baselines.
 
     Args:
+        objects: random shapes of each category instead of the test instances; 0: none.
         estimators: gt (the true field), rgb, cls, cpd, similarity, rigid.
         protocol: named and versioned execution protocol.
         seed: of lights, backgrounds, pose errors and trials.
@@ -44,6 +46,7 @@ def grasp(
     settings = GraspSettings(
         trained(categories),
         meshes,
+        objects,
         views,
         gripper,
         protocol,
