@@ -20,6 +20,7 @@ never a transform.
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from grasptransfer.errors import PoseError
 
@@ -94,6 +95,22 @@ def transform_points(
 ) -> Float[np.ndarray, "*m 3"]:
     """Points of frame b, seen in frame a."""
     return points_b @ a_from_b[:3, :3].T + a_from_b[:3, 3]
+
+
+def drift(
+    a_from_b: Float[np.ndarray, "4 4"], a_from_moved: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "6"]:
+    """Turn [rad] about b's origin and shift [m], along a's axes, that take the first pose to the second."""
+    turn = Rotation.from_matrix(a_from_moved[:3, :3] @ a_from_b[:3, :3].T).as_rotvec()
+    return np.concatenate([turn, a_from_moved[:3, 3] - a_from_b[:3, 3]])
+
+
+def moved(a_from_b: Float[np.ndarray, "4 4"], step: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
+    """The pose after a turn [rad] about b's origin and a shift [m], along a's axes: what `drift` tells."""
+    a_from_moved = a_from_b.copy()
+    a_from_moved[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ a_from_b[:3, :3]
+    a_from_moved[:3, 3] += step[3:]
+    return a_from_moved
 
 
 def rotation_angle(rotation: Float[np.ndarray, "3 3"]) -> float:

@@ -33,6 +33,8 @@ class TransferredGrasp:
         score: expected success in [0, 1].
         status: outcome of the checks; `usable` says whether to execute it.
         reason: one sentence.
+        approach_distance: of the straight way in, along +z to the TCP [m].
+        confidence: of the annotation, in [0, 1].
         contacts: (2, 3) points under the -x and the +x pad, object frame [m]; None where they are not known.
     """
 
@@ -66,10 +68,13 @@ class TransferResult:
         field: canonical to object; `field(points)` warps (m, 3) canonical points [m].
         camera_from_object: (4, 4) the pose, refined where the estimator does that.
         latent, latent_covariance: shape-space coordinates and their posterior covariance, or None.
-        mask: (h, w) predicted pixels of the object, or None.
+        mask: (h, w) pixels of the object, the told mask or else the predicted one, or None.
         category_score: 1 = fits the category, 0 = does not.
         status: outcome of the shape estimate.
         timings: seconds per stage.
+        category, gripper: loaded.
+        observation: what was seen and told.
+        scene: obstacles, or None.
     """
 
     grasps: tuple[TransferredGrasp, ...]
@@ -93,19 +98,34 @@ class TransferResult:
         return tuple(grasp for grasp in self.grasps if grasp.usable)
 
     def to_isaac_grasp(self, path: str | Path) -> Path:
-        """Write the usable grasps as isaac_grasp YAML, object frame, TCP."""
+        """Write the usable grasps as isaac_grasp YAML, object frame, TCP.
+
+        Raises:
+            SettingsError: it cannot be written.
+        """
         from grasptransfer.report.result_files import write_isaac_grasp
 
         return write_isaac_grasp(self, Path(path))
 
     def save(self, folder: str | Path) -> Path:
-        """Write grasps.yaml, reconstruction.glb, field.npz and result.yaml into `folder`."""
+        """Write grasps.yaml, reconstruction.glb, field.npz and result.yaml into `folder`.
+
+        Raises:
+            SettingsError: the folder cannot be written.
+        """
         from grasptransfer.report.result_files import save_result
 
         return save_result(self, Path(folder))
 
     def report(self, path: str | Path, *, trials=None) -> Path:
-        """Write a self-contained HTML page: picture, reconstruction, deformation, every grasp and why."""
+        """Write a self-contained HTML page: picture, reconstruction, deformation, every grasp and why.
+
+        Args:
+            trials: results of `simulation.simulate`, shown beside their grasps.
+
+        Raises:
+            SettingsError: it cannot be written.
+        """
         from grasptransfer.report.page import write_page
 
         return write_page(self, Path(path), trials=trials)

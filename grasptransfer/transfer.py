@@ -94,7 +94,11 @@ class GraspTransfer:
     def transfer(
         self, image, pose, *, camera=None, mask=None, depth=None, scene=None, strict: bool = False
     ) -> TransferResult:
-        """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`."""
+        """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`.
+
+        Raises:
+            GraspTransferError: wrong input, by argument, value and choices; `NotSucceeded` where `strict`.
+        """
         from grasptransfer.perception.observation import observe
 
         observation = observe(image, pose, camera=camera, mask=mask, depth=depth)

@@ -4,7 +4,7 @@ import logging
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import ExifTags, Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.errors import GraspTransferError, ImageError, PoseError
@@ -44,6 +44,35 @@ def test_a_file_that_is_no_picture_is_named(tmp_path):
         read_image(path)
 
 
+@pytest.mark.parametrize("opened", [False, True])
+def test_a_picture_stored_turned_is_refused(tmp_path, opened):
+    path, exif = tmp_path / "turned.jpg", Image.Exif()
+    exif[ExifTags.Base.Orientation] = 6
+    Image.fromarray(RGB).save(path, exif=exif)
+    with pytest.raises(ImageError, match="orientation"):
+        read_image(Image.open(path) if opened else path)
+
+
+def test_a_picture_of_too_many_pixels_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "huge.png"
+    Image.fromarray(RGB).save(path)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    with pytest.raises(ImageError, match=r"huge\.png"):
+        read_image(path)
+
+
+def test_what_was_observed_stays_when_the_camera_writes_its_next_picture():
+    buffer, pose, depth = RGB.copy(), POSE.copy(), np.full((120, 160), 0.7)
+    observation = observe(buffer, pose, camera=CAMERA, depth=depth, mask=np.ones((120, 160), np.uint8))
+    buffer[:], pose[:], depth[:] = 7, 0, 0
+    np.testing.assert_array_equal(observation.image, RGB)
+    np.testing.assert_array_equal(observation.camera_from_object, POSE)
+    assert observation.mask.all()
+    assert (observation.depth == 0.7).all()
+    with pytest.raises(ValueError, match="read-only"):
+        observation.image[0] = 0
+
+
 def test_grey_and_opaque_rgba_are_converted_with_a_note(caplog):
     with caplog.at_level(logging.WARNING):
         grey = read_image(RGB[..., 0])
@@ -77,6 +106,8 @@ def test_a_pose_out_of_view_is_refused(translation, word):
         ({"mask": np.zeros((10, 10), bool)}, "120"),
         ({"mask": (50, 50, 40, 60)}, "u0 < u1"),
         ({"mask": (1000, 1000, 1100, 1100)}, "outside"),
+        ({"mask": (0, 0, 20_000, 20_000)}, "beyond"),
+        ({"mask": ("a", "b", "c", "d")}, "numbers"),
         ({"depth": np.zeros((10, 10))}, "120"),
         ({"depth": np.full((120, 160), 650.0)}, "millimetres"),
         ({"camera": Camera.from_fov(320, 240, 1.0)}, "320 x 240"),

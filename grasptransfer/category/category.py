@@ -104,6 +104,11 @@ class Category:
         return ShapeSpace.load(self.checked_path(SHAPE_SPACE))
 
     @cached_property
+    def vertices_by_latent(self) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]:
+        """Mean and basis of the displacement of the canonical model's vertices: mean + basis @ latent [m]."""
+        return self.shape_space.displacement_model(np.asarray(self.canonical.vertices))
+
+    @cached_property
     def _fields(self) -> dict[str, Float[np.ndarray, "n 3"]]:
         from grasptransfer.registration.storage import load_arrays
 

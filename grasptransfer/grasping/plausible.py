@@ -138,11 +138,9 @@ def _basis(points, faces, mesh: "trimesh.Trimesh", category: "Category") -> Floa
     """How the latent moves points of the reconstruction [m]."""
     import trimesh
 
-    corners = np.asarray(mesh.triangles[faces])
-    weights = trimesh.triangles.points_to_barycentric(corners, points)
-    vertices = np.asarray(category.canonical.vertices)[np.asarray(mesh.faces)[faces]]
-    points_canonical = np.einsum("mc,mci->mi", weights, vertices)
-    return category.shape_space.displacement_model(points_canonical)[1]
+    weights = trimesh.triangles.points_to_barycentric(np.asarray(mesh.triangles[faces]), points)
+    of_corners = category.vertices_by_latent[1][np.asarray(mesh.faces)[faces]]
+    return np.einsum("mc,mcik->mik", weights, of_corners)
 
 
 def enclosed(

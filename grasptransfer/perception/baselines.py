@@ -10,10 +10,10 @@ from scipy.optimize import minimize_scalar
 from grasptransfer.category import Category
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate, with_certain_pose
+from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.zoom import projected_box
-from grasptransfer.registration import DeformationField, LatentFitStatus, cpd, latent_fit
+from grasptransfer.registration import CpdStatus, DeformationField, LatentFitStatus, cpd, latent_fit
 
 FEWEST_POINTS = 20
 MOST_POINTS = 1500  # of a depth cloud; more cost time and add nothing at this noise
@@ -24,6 +24,13 @@ _STATUS = {
     LatentFitStatus.ITERATION_LIMIT: EstimateStatus.NOT_CONVERGED,
     LatentFitStatus.POOR_FIT: EstimateStatus.OUT_OF_CATEGORY,
 }
+_CPD_STATUS = {
+    CpdStatus.CONVERGED: EstimateStatus.OK,
+    CpdStatus.VARIANCE_FLOOR: EstimateStatus.OK,
+    CpdStatus.ITERATION_LIMIT: EstimateStatus.NOT_CONVERGED,
+    CpdStatus.STOPPED: EstimateStatus.NOT_CONVERGED,
+}
+SCALES = 0.3, 3.0  # that `similarity` looks for
 
 
 @dataclass(frozen=True)
@@ -60,9 +67,13 @@ class SimilarityEstimator:
             )
             return float(np.square(np.log(_extent(box) / wanted)).sum())
 
-        best = minimize_scalar(misfit, bounds=(np.log(0.3), np.log(3.0)), method="bounded")
+        lowest, highest = np.log(SCALES)
+        best = minimize_scalar(misfit, bounds=(lowest, highest), method="bounded")
+        at_bound = min(best.x - lowest, highest - best.x) < 1e-3
         return ShapeEstimate(
-            _uniform_scale(self.category, float(np.exp(best.x))), observation.camera_from_object
+            _uniform_scale(self.category, float(np.exp(best.x))),
+            observation.camera_from_object,
+            status=EstimateStatus.NOT_CONVERGED if at_bound else EstimateStatus.OK,
         )
 
 
@@ -85,7 +96,7 @@ class ClsEstimator:
             field=space.field(fit.latent),
             camera_from_object=pose,
             latent=fit.latent,
-            covariance=with_certain_pose(fit.covariance),
+            covariance=_in_camera_axes(fit.joint_covariance, observation.camera_from_object),
             mask=observation.mask,
             status=_STATUS[fit.status],
             timings={"fit": time.perf_counter() - start},
@@ -109,8 +120,18 @@ class CpdEstimator:
             result.field,
             observation.camera_from_object,
             mask=observation.mask,
+            status=_CPD_STATUS[result.status],
             timings={"cpd": time.perf_counter() - start},
         )
+
+
+def _in_camera_axes(
+    covariance: Float[np.ndarray, "s s"], camera_from_object: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "s s"]:
+    """A joint covariance of turn, shift and latent, whose pose was along the told object's axes."""
+    turned = np.eye(len(covariance))
+    turned[:3, :3] = turned[3:6, 3:6] = camera_from_object[:3, :3]
+    return turned @ covariance @ turned.T
 
 
 def depth_cloud(observation: Observation) -> Float[np.ndarray, "m 3"]:

@@ -40,7 +40,7 @@ class ShapeEstimate:
         latent: (k,) coordinates in the shape space, standard deviations from the mean.
         covariance: (6 + k, 6 + k) joint posterior of turn about the object's origin [rad] and shift [m],
             camera axes, and `latent`; 0 where a pose was taken as told.
-        mask: (h, w) predicted pixels of the object.
+        mask: (h, w) pixels of the object: the told mask, or else the predicted one.
         category_score: 1 = fits the category, 0 = does not.
         status: outcome.
         timings: seconds per stage.

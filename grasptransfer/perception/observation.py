@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from PIL import Image, UnidentifiedImageError
+from PIL import ExifTags, Image, UnidentifiedImageError
 
 from grasptransfer.camera import Camera
 from grasptransfer.errors import ImageError, PoseError
@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Observation:
-    """One RGB picture of an instance and its approximate pose.
+    """One RGB picture of an instance and its approximate pose; made by `observe`, arrays read-only.
 
     Args:
         image: (h, w, 3) RGB.
@@ -62,7 +62,21 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
         mask, box = _checked_mask(mask, width, height)
     if depth is not None:
         depth = _checked_depth(depth, width, height)
-    return Observation(pixels, camera, camera_from_object, mask, box, depth)
+    return Observation(
+        _kept(pixels),
+        camera,
+        _kept(camera_from_object),
+        None if mask is None else _kept(mask),
+        box,
+        None if depth is None else _kept(depth),
+    )
+
+
+def _kept(array: np.ndarray) -> np.ndarray:
+    """A copy that nobody changes: cameras write one picture after the other into the same buffer."""
+    array = array.copy()
+    array.setflags(write=False)
+    return array
 
 
 def read_image(image: object) -> UInt8[np.ndarray, "h w 3"]:
@@ -76,9 +90,10 @@ def read_image(image: object) -> UInt8[np.ndarray, "h w 3"]:
                 image = opened
         except FileNotFoundError as error:
             raise ImageError("does not exist", path=source) from error
-        except (UnidentifiedImageError, OSError, ValueError) as error:
+        except (UnidentifiedImageError, Image.DecompressionBombError, OSError, ValueError) as error:
             raise ImageError(f"cannot be read as a picture: {error}", path=source) from error
     if isinstance(image, Image.Image):
+        _check_upright(image, source)
         image = _pil_to_array(image, source)
     if not isinstance(image, np.ndarray):
         raise ImageError("must be a path, a PIL picture or an array", key="image", value=type(image).__name__)
@@ -92,6 +107,19 @@ def read_image(image: object) -> UInt8[np.ndarray, "h w 3"]:
             value=f"{width} x {height}",
         )
     return pixels
+
+
+def _check_upright(image: Image.Image, source: Path | None):
+    """Some programs turn such a picture when they read it, others do not: the pose may be of either."""
+    orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
+    if orientation != 1:
+        raise ImageError(
+            "is stored turned, and its EXIF orientation says so: which way the pose was found is not known",
+            path=source,
+            key="orientation",
+            value=orientation,
+            fix="Save it upright, as the pose was found, or give an array",
+        )
 
 
 def _pil_to_array(image: Image.Image, source: Path | None) -> np.ndarray:
@@ -169,26 +197,39 @@ def _check_in_view(camera_from_object: Float[np.ndarray, "4 4"], camera: Camera)
 
 def _checked_mask(mask, width: int, height: int) -> tuple[np.ndarray | None, Box]:
     array = np.asarray(mask)
+    if array.dtype.kind not in "biuf":
+        raise ImageError("must be bool (h, w) or four numbers", key="mask", value=mask)
     if array.shape == (4,) and array.dtype != bool:
         u0, v0, u1, v1 = (float(value) for value in array)
-        if not np.isfinite(array.astype(float)).all() or u1 <= u0 or v1 <= v0:
-            raise ImageError("box must be (u0, v0, u1, v1) with u0 < u1 and v0 < v1", key="mask", value=mask)
-        if u1 < 0 or v1 < 0 or u0 > width or v0 > height:
-            raise ImageError(f"box lies outside the picture of {width} x {height}", key="mask", value=mask)
-        return None, (u0, v0, u1, v1)
+        return None, _checked_box((u0, v0, u1, v1), width, height)
     if array.shape != (height, width):
         raise ImageError(
             f"must be ({height}, {width}) or a box (u0, v0, u1, v1)", key="mask", value=array.shape
         )
     if array.dtype != bool:
         values = np.unique(array)
-        if len(values) > 2 or values[0] != 0:
+        if len(values) > 2 or (len(values) == 2 and values[0] != 0):
             raise ImageError("must be bool, or 0 and one other value", key="mask", value=str(array.dtype))
         array = array != 0
     if not array.any():
         raise ImageError("is empty: no pixel belongs to the object", key="mask")
     rows, columns = np.nonzero(array.any(1))[0], np.nonzero(array.any(0))[0]
     return array, (float(columns[0]), float(rows[0]), float(columns[-1]), float(rows[-1]))
+
+
+def _checked_box(box: Box, width: int, height: int) -> Box:
+    u0, v0, u1, v1 = box
+    if not np.isfinite(box).all() or u1 <= u0 or v1 <= v0:
+        raise ImageError("box must be (u0, v0, u1, v1) with u0 < u1 and v0 < v1", key="mask", value=box)
+    if u1 < 0 or v1 < 0 or u0 > width or v0 > height:
+        raise ImageError(f"box lies outside the picture of {width} x {height}", key="mask", value=box)
+    # An object half in view may be boxed whole; more than a picture beyond is a box of another picture.
+    if u0 < -width or v0 < -height or u1 > 2 * width or v1 > 2 * height:
+        fix = "Is it in pixels of another size of the picture?"
+        raise ImageError(
+            f"box goes far beyond the picture of {width} x {height}", key="mask", value=box, fix=fix
+        )
+    return box
 
 
 def _checked_depth(depth, width: int, height: int) -> Float[np.ndarray, "h w"]:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
+from grasptransfer.frames import drift, moved
 from grasptransfer.perception.silhouette import Meetings, Silhouette
 from grasptransfer.registration import PosePrior
 
@@ -85,7 +85,7 @@ class PoseAndShape:
 
     Args:
         covariance: (6 + k, 6 + k) over turn [rad], shift [m] and latent; 0 for a pose that was kept.
-        converged: whether the last step was small.
+        converged: whether the latent's last step was small; the pose's is, by then, some 0.2 degrees and mm.
     """
 
     camera_from_object: Float[np.ndarray, "4 4"]
@@ -122,7 +122,7 @@ def fit_pose_and_shape(
     latent_prior = latent_prior or LatentPrior(np.zeros(size), np.ones(size))
     evidence = _Evidence(motion, points, model, camera, outline)
     prior = _Prior(told_pose, pose_prior, latent_prior)
-    pose, latent = start_pose.copy(), latent_prior.mean
+    pose, latent = start_pose, latent_prior.mean
     free = slice(0, None) if pose_prior is not None else slice(6, None)
     longest = np.concatenate([np.repeat(LONGEST_STEP[:2], 3), np.full(size, LONGEST_STEP[2])])
     covariance, converged = np.zeros((6 + size, 6 + size)), False
@@ -135,8 +135,7 @@ def fit_pose_and_shape(
         step = np.zeros(6 + size)
         step[free] = -covariance[free, free] @ (gradient + pull)[free]
         step *= min(1.0, 1 / max(np.abs(step / longest).max(), 1e-9))
-        pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ pose[:3, :3]
-        pose[:3, 3] += step[3:6]
+        pose = moved(pose, step[:6])
         latent = latent + step[6:]
         converged = bool(np.abs(step[6:]).max() < CONVERGED)
         if converged and (outline is None or iteration > OUTLINE_SEARCHES[-1]):
@@ -183,7 +182,7 @@ class _Prior:
 
     def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
         """Hessian and gradient."""
-        astray = np.concatenate([_drift(self.told_pose, pose), latent - self.latent.mean])
+        astray = np.concatenate([drift(self.told_pose, pose), latent - self.latent.mean])
         hold = np.diag(np.concatenate([np.zeros(6), self.latent.deviation**-2]))
         if self.pose is not None:
             hold[:3, :3] = _tail_weight(astray[:3] / self.pose.rotation) / self.pose.rotation**2 * np.eye(3)
@@ -208,12 +207,6 @@ def _tail_weight(astray: Float[np.ndarray, "3"]) -> float:
         astray: the drift in standard deviations.
     """
     return 1 / (1 + float(astray @ astray) / TAIL)
-
-
-def _drift(told_pose, pose) -> Float[np.ndarray, "6"]:
-    """Turn [rad] and shift [m] that take the told pose to `pose`."""
-    turn = Rotation.from_matrix(pose[:3, :3] @ told_pose[:3, :3].T).as_rotvec()
-    return np.concatenate([turn, pose[:3, 3] - told_pose[:3, 3]])
 
 
 def _offset_terms(motion: Motion, mean, basis, latent):

@@ -78,7 +78,7 @@ def _keep_display(platform: Any) -> None:
 
 
 class Renderer:
-    """Keeps one OpenGL context and the uploaded meshes warm; use as a context manager."""
+    """Keeps one OpenGL context, and the meshes seen last ready to draw; use as a context manager."""
 
     def __init__(self):
         pyrender = _pyrender()

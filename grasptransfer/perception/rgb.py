@@ -47,6 +47,7 @@ from grasptransfer.perception.zoom import (
     zoom_picture,
 )
 from grasptransfer.registration import PosePrior
+from grasptransfer.registration.blas_threads import single_blas_thread
 
 LOOKS = 2
 # Latent, flow and offsets are read from one picture and err together: alone, each is less sure than it says.
@@ -125,7 +126,7 @@ class RgbEstimator:
     def assess(self, observation: Observation) -> tuple[ShapeEstimate, Evidence]:
         """The estimate, and what its `category_score` rests on."""
         clock = _Clock()
-        pose, latent = self._start(observation), np.zeros(self._model.by_latent[1].shape[2])
+        pose, latent = self._start(observation), np.zeros(self.category.shape_space.n_modes)
         astray = False
         # The second look compares the picture with what the first one made of it.
         for number in range(LOOKS):
@@ -137,17 +138,18 @@ class RgbEstimator:
                 astray = True  # the fit has lost the object: its answer stands, marked as unsettled
                 break
             clock.lap("network")
-            fit = fit_pose_and_shape(
-                look.motion,
-                look.view.cell_points,
-                self.category.shape_space.displacement_model(look.view.cell_points),
-                camera=look.camera,
-                told_pose=observation.camera_from_object,
-                start_pose=pose,
-                pose_prior=self.pose_prior if self.refine_pose else None,
-                latent_prior=look.latent,
-                outline=self._outline(look),
-            )
+            with single_blas_thread():
+                fit = fit_pose_and_shape(
+                    look.motion,
+                    look.view.cell_points,
+                    self.category.shape_space.displacement_model(look.view.cell_points),
+                    camera=look.camera,
+                    told_pose=observation.camera_from_object,
+                    start_pose=pose,
+                    pose_prior=self.pose_prior if self.refine_pose else None,
+                    latent_prior=look.latent,
+                    outline=self._outline(look),
+                )
             pose, latent = fit.camera_from_object, fit.latent
             clock.lap("fit")
         field = self.category.shape_space.field(fit.latent)
@@ -226,7 +228,7 @@ class RgbEstimator:
         def draw_depth(vertices, pose):
             return self.renderer.depth(self._model.with_vertices(vertices), look.camera, pose)
 
-        mean, basis = self._model.by_latent
+        mean, basis = self.category.vertices_by_latent
         silhouette = Silhouette(look.object_probability, look.camera, draw_depth)
         return Outline(silhouette, self._vertices, mean, basis)
 

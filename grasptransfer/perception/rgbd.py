@@ -23,9 +23,9 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from grasptransfer.category import Category
+from grasptransfer.frames import drift, moved
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.seen_surface import SeenSurface, ShapedModel, see_surface
@@ -94,8 +94,8 @@ class _Fit:
     def __init__(self, estimate: ShapeEstimate):
         assert estimate.latent is not None
         assert estimate.covariance is not None
-        self._prior = estimate
-        self.pose, self.latent = estimate.camera_from_object.copy(), estimate.latent.copy()
+        self._told, self._started = estimate.camera_from_object, estimate.latent
+        self.pose, self.latent = self._told, self._started
         self._free = np.flatnonzero(np.diag(estimate.covariance) > 0)
         self._covariance = estimate.covariance[np.ix_(self._free, self._free)]
         self._precision = np.linalg.inv(self._covariance)
@@ -154,15 +154,12 @@ class _Fit:
 
     def _drift(self) -> Float[np.ndarray, "s"]:
         """How far pose and latent have gone from the prior's."""
-        told = self._prior.camera_from_object
-        turn = Rotation.from_matrix(self.pose[:3, :3] @ told[:3, :3].T).as_rotvec()
-        return np.concatenate([turn, self.pose[:3, 3] - told[:3, 3], self.latent - self._prior.latent])
+        return np.concatenate([drift(self._told, self.pose), self.latent - self._started])
 
     def _move(self, free_step: Float[np.ndarray, "f"]):
         step = np.zeros(6 + len(self.latent))
         step[self._free] = free_step
-        self.pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ self.pose[:3, :3]
-        self.pose[:3, 3] += step[3:6]
+        self.pose = moved(self.pose, step[:6])
         self.latent = self.latent + step[6:]
 
 

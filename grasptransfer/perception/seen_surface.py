@@ -2,7 +2,6 @@
 pixels, so that each point and the depth measured at its pixel lie on one line of sight."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import trimesh
@@ -18,18 +17,13 @@ RAYS = 1500  # through the model's box; about half of them meet it
 
 @dataclass(frozen=True)
 class ShapedModel:
-    """A category's canonical mesh, and how the latent moves its vertices; keeps that model warm."""
+    """A category's canonical mesh as the latent shapes it."""
 
     category: Category
 
-    @cached_property
-    def by_latent(self) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]:
-        """Mean and basis of the vertices' displacement [m]."""
-        return self.category.shape_space.displacement_model(np.asarray(self.category.canonical.vertices))
-
     def vertices(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
         """Of the shape with this latent, object frame [m]."""
-        mean, basis = self.by_latent
+        mean, basis = self.category.vertices_by_latent
         return np.asarray(self.category.canonical.vertices) + mean + basis @ latent
 
     def mesh(self, latent: Float[np.ndarray, "k"]) -> trimesh.Trimesh:
@@ -91,7 +85,7 @@ def see_surface(
     normals = normals[solid] / length[solid, None]
     normals *= -np.sign((normals * rays[ray]).sum(1))[:, None]
     share = trimesh.triangles.points_to_barycentric(corners, points)
-    by_latent = np.einsum("pc,pcdk->pdk", share, model.by_latent[1][mesh.faces[face]])
+    by_latent = np.einsum("pc,pcdk->pdk", share, model.category.vertices_by_latent[1][mesh.faces[face]])
     return SeenSurface(points, normals, by_latent, pixels[ray])
 
 

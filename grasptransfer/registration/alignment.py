@@ -21,6 +21,8 @@ def align(
     kind: str,
     *,
     outlier_weight: float = 0.0,
+    backend: str = "auto",
+    threads: int | None = None,
 ) -> Float[np.ndarray, "4 4"]:
     """The affine `target_from_source` [m] that brings the source nearest to the target.
 
@@ -32,24 +34,21 @@ def align(
         target: (m, 3) [m], any frame.
         kind: "none" (the identity), "rigid", "similarity" or "affine".
         outlier_weight: share of target points without counterpart.
+        backend, threads: of the E-step, as of `cpd`.
     """
     if kind == "none":
         return np.eye(4)
     own, other = _robust(source), _robust(target)
     if kind == "rigid":  # one scale for both: a rigid motion must not hide a difference in size
         other = Normaliser(other.centre, own.scale)
-    linear, shift = _register(own(source), other(target), kind, outlier_weight)
+    source, target = own(source), other(target)
+    source = source[spatial_order(source, BLOCK)]
+    with EStep(target, len(source), backend=backend, threads=threads) as expect:
+        linear, shift = _register(expect, source, target, kind, outlier_weight)
     target_from_source = np.eye(4)
     target_from_source[:3, :3] = linear * other.scale / own.scale
     target_from_source[:3, 3] = other.centre + other.scale * shift - target_from_source[:3, :3] @ own.centre
     return target_from_source
-
-
-def apply_affine(
-    a_from_b: Float[np.ndarray, "4 4"], points_b: Float[np.ndarray, "m 3"]
-) -> Float[np.ndarray, "m 3"]:
-    """Points of frame b in frame a, by a matrix that may scale and shear."""
-    return points_b @ a_from_b[:3, :3].T + a_from_b[:3, 3]
 
 
 def _robust(points: Float[np.ndarray, "m 3"]) -> Normaliser:
@@ -60,25 +59,27 @@ def _robust(points: Float[np.ndarray, "m 3"]) -> Normaliser:
 
 
 def _register(
-    source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "m 3"], kind: str, outlier_weight: float
+    expect: EStep,
+    source: Float[np.ndarray, "n 3"],
+    target: Float[np.ndarray, "m 3"],
+    kind: str,
+    outlier_weight: float,
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
     """EM: linear part and shift that bring the source nearest to the target, both normalised."""
-    source = source[spatial_order(source, BLOCK)]
     linear, shift = np.eye(3), np.zeros(3)
     middle = target - target.mean(0)
     variance = float(np.square(source).sum(1).mean() + np.square(middle).sum(1).mean()) / 3
-    with EStep(target, len(source)) as expect:
-        for _ in range(ITERATIONS):
-            outlier = log_outlier_term(outlier_weight, variance, source=len(source), target=len(target))
-            moved = source @ linear.T + shift
-            found = expect(moved, variance, log_outlier=outlier)
-            linear, shift = _fit(source, found.support, found.moment, kind)
-            step = source @ linear.T + shift - moved
-            pull = found.moment - found.support[:, None] * moved
-            squared = found.squared + np.sum(found.support[:, None] * step**2 - 2 * step * pull)
-            previous, variance = variance, max(float(squared / (3 * found.support.sum())), 1e-8)
-            if abs(previous - variance) < TOLERANCE:
-                break
+    for _ in range(ITERATIONS):
+        outlier = log_outlier_term(outlier_weight, variance, source=len(source), target=len(target))
+        moved = source @ linear.T + shift
+        found = expect(moved, variance, log_outlier=outlier)
+        linear, shift = _fit(source, found.support, found.moment, kind)
+        step = source @ linear.T + shift - moved
+        pull = found.moment - found.support[:, None] * moved
+        squared = found.squared + np.sum(found.support[:, None] * step**2 - 2 * step * pull)
+        previous, variance = variance, max(float(squared / (3 * found.support.sum())), 1e-8)
+        if abs(previous - variance) < TOLERANCE:
+            break
     return linear, shift
 
 

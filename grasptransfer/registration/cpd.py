@@ -23,7 +23,8 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from grasptransfer.errors import NotSucceeded
-from grasptransfer.registration.alignment import align, apply_affine
+from grasptransfer.frames import transform_points
+from grasptransfer.registration.alignment import align
 from grasptransfer.registration.blas_threads import single_blas_thread
 from grasptransfer.registration.cpd_input import (
     Correspondences,
@@ -95,19 +96,22 @@ def cpd(
         source = PreparedSource(source, beta=2.0 if beta is None else beta)
     source.check_beta(beta)
     target = check_target(target, source, align_first=align_first, outlier_weight=options.outlier_weight)
-    target_from_source = align(
-        source.points, target, align_first, outlier_weight=options.first_outlier_weight
-    )
-    seen = source.normaliser(apply_affine(np.linalg.inv(target_from_source), target))
-    known = check_correspondences(correspondences, correspondence_std, source, seen)
-    traits = check_traits(source_traits, target_traits, trait_std, source, seen)
-    with (
-        single_blas_thread(),
-        EStep(seen, source.count, traits=traits, backend=backend, threads=threads) as expect,
-    ):
-        run = _Run(source, seen, known, options, expect)
-        status = run.iterate(callback)
-        result = run.result(status, target_from_source)
+    with single_blas_thread():
+        target_from_source = align(
+            source.points,
+            target,
+            align_first,
+            outlier_weight=options.first_outlier_weight,
+            backend=backend,
+            threads=threads,
+        )
+        seen = source.normaliser(transform_points(np.linalg.inv(target_from_source), target))
+        known = check_correspondences(correspondences, correspondence_std, source, seen)
+        traits = check_traits(source_traits, target_traits, trait_std, source, seen)
+        with EStep(seen, source.count, traits=traits, backend=backend, threads=threads) as expect:
+            run = _Run(source, seen, known, options, expect)
+            status = run.iterate(callback)
+            result = run.result(status, target_from_source)
     if strict and status is CpdStatus.ITERATION_LIMIT:
         raise NotSucceeded(status.advice, key="max_iterations", value=max_iterations)
     return result

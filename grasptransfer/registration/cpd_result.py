@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.registration.alignment import apply_affine
+from grasptransfer.frames import transform_points
 from grasptransfer.registration.field import DeformationField
 
 
@@ -80,4 +80,4 @@ class CpdResult:
 
     def __call__(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
         """Points of the source's frame on the target, in the target's frame [m]."""
-        return apply_affine(self.target_from_source, self.field(points))
+        return transform_points(self.target_from_source, self.field(points))

@@ -118,6 +118,18 @@ class Posed:
         normal = rows.T @ jacobian.reshape(-1, size) + np.diag(precision)
         return np.linalg.solve(normal, rows.T @ pull.ravel() - precision * state)
 
+    def joint(
+        self, covariance: Float[np.ndarray, "s s"], state: Float[np.ndarray, "s"]
+    ) -> Float[np.ndarray, "j j"]:
+        """Covariance at a state, over turn from there, shift and latent; 0 for a pose that is kept."""
+        joint = np.zeros((6 + self.n_modes,) * 2)
+        joint[-len(state) :, -len(state) :] = covariance
+        if self.prior is not None:
+            onward = np.eye(len(joint))
+            onward[:3, :3] = _left_jacobian(state[:3])
+            joint = onward @ joint @ onward.T
+        return joint
+
     def _shape(self, state, chosen: Any = slice(None)) -> Float[np.ndarray, "q 3"]:
         latent = state[len(state) - self.n_modes :]
         return self.model[chosen] + self.mean[chosen] + self.basis[chosen] @ latent

@@ -63,7 +63,8 @@ class LatentFit:
 
     Args:
         latent: (k,) standard deviations.
-        covariance: (k, k) posterior covariance of the latent; the pose's doubt is included.
+        joint_covariance: (6 + k, 6 + k) posterior covariance of turn about the refined object's origin [rad]
+            and shift [m], both along the told object's axes, and latent; 0 for a pose that was kept.
         told_from_refined: (4, 4) points of the refined object frame in the frame of the cloud.
         residual_rms: of the observed points to their nearest model points [m].
         noise_std: of the matches, as estimated [m].
@@ -73,13 +74,18 @@ class LatentFit:
     """
 
     latent: Float[np.ndarray, "k"]
-    covariance: Float[np.ndarray, "k k"]
+    joint_covariance: Float[np.ndarray, "s s"]
     told_from_refined: Float[np.ndarray, "4 4"]
     residual_rms: float
     noise_std: float
     cost: float
     status: LatentFitStatus
     iterations: int
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "k k"]:
+        """(k, k) of the latent; what is not known of the pose is in it."""
+        return self.joint_covariance[6:, 6:]
 
 
 def latent_fit(
@@ -192,10 +198,9 @@ def _least_squares(residuals: FitResiduals, state: Float[np.ndarray, "s"], max_i
         xtol=1e-5,
     )
     posed, covariance = residuals.posed, np.linalg.inv(residuals.information(solution.x))
-    latent = slice(len(solution.x) - posed.n_modes, None)
     return LatentFit(
-        latent=solution.x[latent],
-        covariance=covariance[latent, latent],
+        latent=solution.x[-posed.n_modes :],
+        joint_covariance=posed.joint(covariance, solution.x),
         told_from_refined=posed.pose(solution.x),
         residual_rms=float(np.sqrt(np.square(residuals.nearest(solution.x)).sum(1).mean())),
         noise_std=residuals.noise,
