@@ -46,15 +46,14 @@ def make_estimator(
     check_device(device)
     if callable(estimator):
         return estimator
-    from grasptransfer.perception import baselines, rgb
-
-    if estimator == "rgb":
-        return rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-    if estimator == "rgbd":
+    if estimator in ("rgb", "rgbd"):
+        from grasptransfer.perception.rgb import RgbEstimator
         from grasptransfer.perception.rgbd import RgbdEstimator
 
-        first = rgb.RgbEstimator(category, refine_pose=refine_pose, device=device)
-        return RgbdEstimator(category, first)
+        rgb = RgbEstimator(category, refine_pose=refine_pose, device=device)
+        return rgb if estimator == "rgb" else RgbdEstimator(category, rgb)
+    from grasptransfer.perception import baselines
+
     if estimator == "cls":
         return baselines.ClsEstimator(category, refine_pose=refine_pose)
     if estimator == "cpd":

@@ -227,9 +227,12 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     seen = turned + pose[:3, 3]
     residual = camera.project(seen) - motion.pixels
     weight = _laplace_weight(residual, motion.pixel_scale, INDEPENDENT_FLOWS)
-    jacobian = _pixel_jacobian(turned, seen, basis, camera, pose)
-    rows = jacobian * weight[:, None, None]
-    return np.einsum("cdk,cdl->kl", rows, jacobian), np.einsum("cdk,cd->k", rows, residual)
+    hessian, gradient = 0.0, 0.0
+    for axis in range(2):
+        jacobian = motion_along(_pixel_gradient(seen, camera)[:, axis], turned, basis, pose)
+        rows = jacobian * weight[:, None]
+        hessian, gradient = hessian + rows.T @ jacobian, gradient + rows.T @ residual[:, axis]
+    return hessian, gradient
 
 
 def _outline_terms(outline: Outline, meetings: Meetings, latent, pose):
@@ -238,22 +241,35 @@ def _outline_terms(outline: Outline, meetings: Meetings, latent, pose):
     turned = outline.shaped(latent)[meetings.vertices] @ pose[:3, :3].T
     seen = turned + pose[:3, 3]
     distance, slope, weight = meetings.residuals(camera.project(seen))
-    by_pixel = _pixel_jacobian(turned, seen, outline.basis[meetings.vertices], camera, pose)
-    jacobian = np.einsum("pd,pdk->pk", slope, by_pixel)
+    directions = np.einsum("pd,pdi->pi", slope, _pixel_gradient(seen, camera))
+    jacobian = motion_along(directions, turned, outline.basis[meetings.vertices], pose)
     rows = jacobian * weight[:, None]
     return rows.T @ jacobian, rows.T @ distance
 
 
-def _pixel_jacobian(turned, seen, basis, camera: Camera, pose) -> Float[np.ndarray, "p 2 s"]:
-    """Derivative of the pixels by turn, shift and latent."""
-    projection = np.zeros((len(seen), 2, 3))  # d pixel / d camera point
-    projection[:, 0, 0], projection[:, 1, 1] = camera.fx / seen[:, 2], camera.fy / seen[:, 2]
-    projection[:, 0, 2] = -camera.fx * seen[:, 0] / seen[:, 2] ** 2
-    projection[:, 1, 2] = -camera.fy * seen[:, 1] / seen[:, 2] ** 2
-    by_turn = np.cross(np.eye(3)[None], turned[:, None]).transpose(0, 2, 1)  # d (w x p) / d w
-    by_latent = np.einsum("ij,cjk->cik", pose[:3, :3], basis)
-    by_shift = np.broadcast_to(np.eye(3), by_turn.shape)
-    return projection @ np.concatenate([by_turn, by_shift, by_latent], axis=2)
+def motion_along(
+    directions: Float[np.ndarray, "p 3"],
+    turned: Float[np.ndarray, "p 3"],
+    basis: Float[np.ndarray, "p 3 k"],
+    camera_from_object: Float[np.ndarray, "4 4"],
+) -> Float[np.ndarray, "p s"]:
+    """Derivative by turn, shift and latent of how far points go along directions, camera axes.
+
+    Args:
+        turned: the points, from the object's origin along the camera's axes [m].
+        basis: how the latent moves them, object axes [m].
+    """
+    by_latent = np.einsum("pi,pik->pk", directions @ camera_from_object[:3, :3], basis)
+    return np.concatenate([np.cross(turned, directions), directions, by_latent], axis=1)
+
+
+def _pixel_gradient(seen: Float[np.ndarray, "p 3"], camera: Camera) -> Float[np.ndarray, "p 2 3"]:
+    """Derivative of the pixels by the points, camera frame [px/m]."""
+    gradient = np.zeros((len(seen), 2, 3))
+    gradient[:, 0, 0], gradient[:, 1, 1] = camera.fx / seen[:, 2], camera.fy / seen[:, 2]
+    gradient[:, 0, 2] = -camera.fx * seen[:, 0] / seen[:, 2] ** 2
+    gradient[:, 1, 2] = -camera.fy * seen[:, 1] / seen[:, 2] ** 2
+    return gradient
 
 
 def _laplace_weight(

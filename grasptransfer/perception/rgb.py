@@ -20,7 +20,6 @@ from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.networks import (
     FLOW_UNIT,
     LATENT_SIZE,
-    MASK_STRIDE,
     OFFSET_UNIT,
     Prediction,
     channels_last,
@@ -40,6 +39,7 @@ from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import find_weights, load_weights
 from grasptransfer.perception.zoom import (
+    MASK_STRIDE,
     centre_on_box,
     projected_box,
     zoom_camera,

@@ -28,6 +28,7 @@ from grasptransfer.category import Category
 from grasptransfer.frames import drift, moved
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation
+from grasptransfer.perception.pose_and_shape import motion_along
 from grasptransfer.perception.seen_surface import SeenSurface, ShapedModel, see_surface
 
 # m: an active stereo camera at 0.6 m errs by 1 mm (`depth_sensor`), a shape space by 0.5 to 2 (`measured`
@@ -123,9 +124,7 @@ class _Fit:
             visible: how many points of the model are seen, measured or not.
         """
         turned, normals = seen.points_object @ self.pose[:3, :3].T, seen.normals_object @ self.pose[:3, :3].T
-        moved = np.einsum("pi,ij,pjk->pk", normals, self.pose[:3, :3], seen.by_latent)
-        # n . (w x p) = w . (p x n)
-        jacobian = np.concatenate([np.cross(turned, normals), normals, moved], axis=1)[:, self._free]
+        jacobian = motion_along(normals, turned, seen.by_latent, self.pose)[:, self._free]
         facing = -(normals * rays).sum(1)
         residual = facing * gap
         share = min(1.0, INDEPENDENT_POINTS / visible)

@@ -6,9 +6,9 @@ from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.frames import transform_points
-from grasptransfer.perception.networks import MASK_STRIDE
 
 ZOOM_WIDTH, ZOOM_HEIGHT = 256, 192  # the network's input [px]
+MASK_STRIDE = 4  # zoomed pixels to a cell of the network's mask
 MARGIN = 1.15  # the box is this much larger than what it must hold
 
 Box = tuple[float, float, float, float]

@@ -14,7 +14,6 @@ from grasptransfer.errors import SettingsError
 
 STRIDE = 8  # input pixels per cell of offsets and flow
 CELL_PIXEL = 2  # which row and column of its pixels a cell stands for
-MASK_STRIDE = 4
 OFFSET_UNIT = 0.01  # m: the networks predict offsets in centimetres, numbers near one
 FLOW_UNIT = 10.0  # px of the zoomed picture
 LATENT_SIZE = 40  # modes a network can speak of; a shape space with more keeps the rest at its prior

@@ -18,7 +18,8 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from grasptransfer.perception.networks import CELL_PIXEL, FLOW_UNIT, MASK_STRIDE, STRIDE, Prediction
+from grasptransfer.perception.networks import CELL_PIXEL, FLOW_UNIT, STRIDE, Prediction
+from grasptransfer.perception.zoom import MASK_STRIDE
 
 OFFSETS, FLOW = 3, 2
 MOTION = OFFSETS + FLOW
