@@ -1,5 +1,6 @@
 """Annotate grasps once per category; transfer them to new instances seen in one RGB picture."""
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
     from grasptransfer.transfer import transfer_grasps as transfer_grasps
 
 __version__ = "0.1.0"
+
+# OpenMP's threads wait by spinning unless told not to before torch loads: beside any other busy process, a
+# network then takes ten times as long.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 # Loaded on first use: importing the package takes milliseconds.
 _HOMES = {

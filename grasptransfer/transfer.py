@@ -39,6 +39,7 @@ from grasptransfer.grasping import (
 from grasptransfer.perception.estimators import ESTIMATORS, make_estimator
 from grasptransfer.registration import DeformationField
 from grasptransfer.registration import register_pair as pair_fields
+from grasptransfer.registration.blas_threads import single_blas_thread
 from grasptransfer.registration.field import FieldPair
 from grasptransfer.result import TransferredGrasp, TransferResult
 
@@ -116,9 +117,10 @@ class GraspTransfer:
         self, observation: Observation, estimate: ShapeEstimate, *, scene: Scene | None = None
     ) -> TransferResult:
         """Warp, refine, check, place and rank the grasps on an estimated shape."""
-        reached = self.reach(estimate, scene=scene)
-        start, pose = time.perf_counter(), estimate.camera_from_object
-        scores = rank_grasps(reached.grasps, reached.checks, self.gripper, plausible=reached.plausible)
+        with single_blas_thread():
+            reached = self.reach(estimate, scene=scene)
+            start, pose = time.perf_counter(), estimate.camera_from_object
+            scores = rank_grasps(reached.grasps, reached.checks, self.gripper, plausible=reached.plausible)
         checks = doubt_unlikely(reached.checks, scores)
         timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
         grasps = _transferred(reached.grasps, checks, scores, pose)
