@@ -167,12 +167,10 @@ def test_a_stray_instance_and_grasps_of_another_model_are_faults(boxes):
     assert "another canonical model" in faults["grasps.yaml"]
 
 
-def test_rewriting_a_category_keeps_grasps_and_other_files(boxes):
-    boxes.grasps_path.write_text("grasps: mine\n")
-    (boxes.folder / "demo").mkdir()
-    (boxes.folder / "demo/picture.jpg").write_bytes(b"picture")
+def rewrite(boxes):
+    """The same category written once more over itself."""
     names = boxes.train + boxes.test
-    again = write_category(
+    return write_category(
         boxes.folder,
         "box",
         description="",
@@ -184,10 +182,27 @@ def test_rewriting_a_category_keeps_grasps_and_other_files(boxes):
         shape_space=boxes.shape_space,
         weights={name: boxes.field(name).weights for name in names},
     )
+
+
+def test_rewriting_a_category_keeps_grasps_and_other_files(boxes):
+    boxes.grasps_path.write_text("grasps: mine\n")
+    (boxes.folder / "demo").mkdir()
+    (boxes.folder / "demo/picture.jpg").write_bytes(b"picture")
+    again = rewrite(boxes)
     assert again.grasps_path.read_text() == "grasps: mine\n"
     assert (again.folder / "demo/picture.jpg").read_bytes() == b"picture"
     assert again.file.checksums == boxes.file.checksums
     assert [path.name for path in boxes.folder.parent.iterdir()] == ["box"]
+
+
+def test_rewriting_repairs_a_category_whose_file_is_broken(boxes):
+    boxes.grasps_path.write_text("grasps: mine\n")
+    (boxes.folder / "category.yaml").write_text("name: [")
+    (boxes.folder / "preview.png").write_bytes(b"old")
+    again = rewrite(boxes)
+    assert again.grasps_path.read_text() == "grasps: mine\n"
+    assert again.file.checksums == boxes.file.checksums
+    assert again.checked_path("preview.png").read_bytes() != b"old"
 
 
 def test_objects_hold_the_shipped_categories():

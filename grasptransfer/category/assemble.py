@@ -19,7 +19,8 @@ from grasptransfer.category.category import (
     load_scene,
 )
 from grasptransfer.category.pictures import picture, png, sheet
-from grasptransfer.category.settings import FILE_NAME, CategoryFile, Settings, Split, software_versions
+from grasptransfer.category.settings import CategoryFile, Settings, Split, software_versions
+from grasptransfer.errors import CategoryError
 from grasptransfer.files import sha256, write_whole
 from grasptransfer.registration import ShapeSpace
 from grasptransfer.registration.storage import save_arrays
@@ -95,10 +96,13 @@ def _keep_others(folder: Path, staging: Path) -> None:
     """Grasps, and whatever else lies in the older folder and was not written with it."""
     if not folder.is_dir():
         return
-    known = set(CategoryFile.load(folder).checksums) if (folder / FILE_NAME).is_file() else set()
+    try:
+        known = set(CategoryFile.load(folder).checksums)
+    except CategoryError:  # one that is broken is to be replaced: nothing is known of its files
+        known = set()
     for path in sorted(folder.rglob("*")):
         relative = path.relative_to(folder)
-        if path.is_file() and relative.as_posix() not in known | {FILE_NAME}:
+        if path.is_file() and relative.as_posix() not in known and not (staging / relative).exists():
             (staging / relative).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, staging / relative)
 
