@@ -1,5 +1,6 @@
 """Building a category from a user's meshes and clouds: refusals, repairs, the result, resumption."""
 
+import shutil
 import struct
 
 import numpy as np
@@ -80,6 +81,21 @@ def test_the_page_shows_every_instance_and_needs_no_other_file(built, tmp_path):
 def test_an_existing_folder_is_not_replaced_unasked(built, folder):
     with pytest.raises(CategoryError, match="--overwrite"):
         build_category("vase", meshes=folder, out=built.category.folder)
+
+
+def test_what_a_killed_build_left_beside_a_folder_is_no_leave_to_replace_it(built, folder, tmp_path):
+    out = tmp_path / "vase"
+    shutil.copytree(built.category.folder, out)
+    (tmp_path / ".vase.build").mkdir()
+    with pytest.raises(CategoryError, match="--overwrite"):
+        build_vases(folder, out)
+
+
+def test_a_file_in_the_place_of_a_category_is_refused_before_any_work(folder, tmp_path):
+    (tmp_path / "vase").write_text("")
+    with pytest.raises(CategoryError, match="is not a folder"):
+        build_vases(folder, tmp_path / "vase", overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["vase"]
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from vases import build_vases, write_vases
 
+from grasptransfer.errors import CategoryError
+
 # Killed as a machine would: no clean-up of its own. `write` is killed with the older folder in its hands.
 KILLED = """
 import os, signal, sys
@@ -106,6 +108,8 @@ def test_a_build_killed_while_its_page_is_drawn_can_be_finished(meshes, undistur
     out = nearly_built
     run_until_killed(meshes, out, "page")
     assert contents(out) == contents(undisturbed.folder)
+    with pytest.raises(CategoryError, match="exists already"):
+        build_vases(meshes, out, scale=0.5)  # another category than the one that stands there
     drawn = []
     build_vases(meshes, out, finish=drawn.append)
     assert len(drawn) == 1

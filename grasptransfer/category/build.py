@@ -5,6 +5,7 @@ settings by leaving instances out, and learn the shape space. Test instances are
 against, and teach nothing.
 """
 
+import hashlib
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -18,13 +19,15 @@ from grasptransfer.category.choices import Options
 from grasptransfer.category.learning import FEWEST
 from grasptransfer.category.learnt import LearntCategory, learn_category
 from grasptransfer.category.outcome import CategoryBuild
-from grasptransfer.category.settings import NAME, Settings, Split
+from grasptransfer.category.settings import FILE_NAME, NAME, Settings, Split
 from grasptransfer.category.sources import Source, find_sources, frame_rotation
 from grasptransfer.category.tasks import prepare_instance
 from grasptransfer.category.workshop import Arrays, Progress, Workshop
 from grasptransfer.errors import CategoryError, SettingsError
-from grasptransfer.files import sha256
+from grasptransfer.files import sha256, write_whole
 from grasptransfer.registration import Metric
+
+WRITTEN = "written"  # among a build's kept results, once its category stands: whose it is
 
 
 def build_category(
@@ -83,16 +86,17 @@ def build_category(
     _check_options(name, scale, workers)
     out = Path(out) if out is not None else Path(name)
     kept = out.with_name(f".{out.name}.build")
-    if out.exists() and not overwrite and not kept.exists():
-        raise CategoryError("exists already", path=out, fix="Give another folder, or --overwrite")
     options = Options(beta, lam, outlier_weight, modes, flexibility, metric, control_points)
     sources = _sources(Path(meshes), canonical, tuple(test))
+    asked = _checksum(name, sources, canonical, front, up, scale, options, description)
+    _check_place(out, kept, asked, overwrite=overwrite)
     split = {source.name: source.test for source in sources}
     with Workshop(kept, workers=workers, progress=progress) as workshop:
         prepared = _prepare(workshop, sources, scale, frame_rotation(front, up))
         learnt = learn_category(workshop, prepared, split, canonical=canonical, options=options)
         progress(Progress("write", 0, 1))
         category = _write(out, name, learnt, prepared, split=split, options=options, description=description)
+        write_whole(kept / WRITTEN, _mark(out, asked))
         progress(Progress("write", 1, 1, name))
         built = CategoryBuild(
             category,
@@ -115,6 +119,30 @@ def _check_options(name: str, scale: float, workers: int) -> None:
         raise SettingsError("must be above 0", key="scale", value=scale)
     if workers < 1:
         raise SettingsError("must be at least 1", key="workers", value=workers)
+
+
+def _checksum(name: str, sources: list[Source], *how: object) -> str:
+    """Of all that a build is asked for."""
+    files = [(source.name, source.test, sha256(source.path)) for source in sources]
+    return hashlib.sha256(repr((name, files, how)).encode()).hexdigest()
+
+
+def _mark(out: Path, asked: str) -> bytes:
+    return f"{asked} {sha256(out / FILE_NAME)}".encode()
+
+
+def _check_place(out: Path, kept: Path, asked: str, *, overwrite: bool) -> None:
+    """Refuse to replace what is there, unless this very build left it and was killed before its end."""
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise CategoryError("is not a folder", path=out, fix="Give another folder")
+    if (out / FILE_NAME).exists():
+        resumed = (kept / WRITTEN).is_file() and (kept / WRITTEN).read_bytes() == _mark(out, asked)
+    else:
+        resumed = kept.exists()
+    if not (overwrite or resumed):
+        raise CategoryError("exists already", path=out, fix="Give another folder, or --overwrite")
 
 
 def _sources(meshes: Path, canonical: str | None, test: tuple[str, ...]) -> list[Source]:
