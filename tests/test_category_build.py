@@ -144,6 +144,13 @@ def test_train_and_test_folders_are_the_split(tmp_path):
     assert [(source.name, source.test) for source in find_sources(tmp_path)] == [("a", False), ("b", True)]
 
 
+def test_meshes_beside_train_and_test_folders_are_for_training(tmp_path):
+    (tmp_path / "test").mkdir()
+    for name in ("a.obj", "test/b.obj"):
+        vase(0.1, 0.05).export(tmp_path / name)
+    assert [(source.name, source.test) for source in find_sources(tmp_path)] == [("a", False), ("b", True)]
+
+
 def test_two_files_of_one_name_are_refused(tmp_path):
     for ending in ("obj", "stl"):
         vase(0.1, 0.05).export(tmp_path / f"a.{ending}")

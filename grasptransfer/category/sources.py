@@ -1,5 +1,6 @@
 """A user's meshes and clouds: found, read, checked, repaired where that is safe, and put in the frame."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from jaxtyping import Float
 
 from grasptransfer.category.carving import carved_surface
 from grasptransfer.category.pcd import read_pcd, read_xyz
-from grasptransfer.errors import CategoryError, GraspTransferError, MeshError, SettingsError
+from grasptransfer.errors import CategoryError, MeshError, SettingsError
 
 MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 ENDINGS = (*MESHES, ".pcd", ".xyz")
@@ -63,15 +64,15 @@ def find_sources(folder: Path, test: tuple[str, ...] = ()) -> list[Source]:
     folder = Path(folder)
     if not folder.is_dir():
         raise CategoryError("is not a folder", path=folder)
-    roots = [(folder / kind, kind == "test") for kind in ("train", "test") if (folder / kind).is_dir()]
+    split = [folder / kind for kind in ("train", "test") if (folder / kind).is_dir()]
     found: dict[str, Source] = {}
-    for root, is_test in roots or [(folder, False)]:
-        for name, path in _files(root):
+    for root in (folder, *split):
+        for name, path in _files(root, leave=split):
             if name in found:
                 raise CategoryError(
                     f"{path.name} and {found[name].path.name} have one name", path=path.parent, key=name
                 )
-            found[name] = Source(name, path, is_test or name in test)
+            found[name] = Source(name, path, root == folder / "test" or name in test)
     if not found:
         raise CategoryError("holds no mesh and no cloud", path=folder, choices=ENDINGS)
     for name in test:
@@ -80,8 +81,9 @@ def find_sources(folder: Path, test: tuple[str, ...] = ()) -> list[Source]:
     return sorted(found.values(), key=lambda source: source.name)
 
 
-def _files(root: Path):
-    for path in sorted(root.iterdir()):
+def _files(root: Path, *, leave: list[Path]) -> Iterator[tuple[str, Path]]:
+    """Name and file of each instance of a folder, but for those below the folders to leave."""
+    for path in sorted(set(root.iterdir()) - set(leave)):
         if path.is_dir():
             inside = [one for one in sorted(path.iterdir()) if one.suffix.lower() in ENDINGS]
             named = [one for one in inside if one.stem == "mesh"] or inside
@@ -161,8 +163,6 @@ def _read(path: Path) -> tuple[trimesh.Trimesh | None, Float[np.ndarray, "m 3"] 
     try:
         scene = trimesh.load_scene(path, process=False)
         parts = scene.dump()
-    except GraspTransferError:
-        raise
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as cause:
         raise MeshError("cannot be read", path=path, fix=f"{type(cause).__name__}: {cause}") from cause
     meshes = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
