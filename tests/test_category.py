@@ -153,6 +153,30 @@ def test_broken_yaml_is_answered_with_its_line(boxes):
         load_category(boxes.folder)
 
 
+def test_a_key_given_twice_is_a_fault(boxes):
+    boxes.grasps_path.write_text("format: isaac_grasp\nformat: another\n")
+    path = boxes.folder / "category.yaml"
+    path.write_text(path.read_text() + "name: another\n")
+    with pytest.raises(CategoryError, match="'name' is given twice"):
+        load_category(boxes.folder)
+    (fault,) = check_category(boxes.folder)
+    assert (fault.path, "'name' is given twice" in fault.problem) == (path, True)
+    (fault,) = check_category(boxes)
+    assert (fault.path, "'format' is given twice" in fault.problem) == (boxes.grasps_path, True)
+
+
+def test_a_shipped_name_comes_before_a_folder_so_called(tmp_path, monkeypatch, capsys):
+    from grasptransfer.report.category_command_line import check
+
+    (tmp_path / "mug").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert load_category("mug").folder == objects_folder() / "mug"
+    assert check_category("mug") == []
+    assert check("mug") == 0
+    (fault,) = check_category("./mug")
+    assert "is missing" in fault.problem
+
+
 def test_settings_that_disagree_with_the_shape_space_are_a_fault(boxes):
     path = boxes.folder / "category.yaml"
     path.write_text(path.read_text().replace("modes: 1", "modes: 3"))
@@ -301,7 +325,7 @@ def test_checking_from_the_command_line_reads_the_grasps_too(boxes, capsys):
     from grasptransfer.report.category_command_line import check
 
     boxes.grasps_path.write_text("format: isaac_grasp\nformat_version: 1.0\ngrasps: {}\n")
-    assert check(boxes.folder) == 2
+    assert check(str(boxes.folder)) == 2
     printed = capsys.readouterr().out
     assert "grasps.yaml" in printed
     assert "object_frame: is missing" in printed

@@ -191,16 +191,25 @@ def load_category(name_or_folder: "str | Path | Category") -> Category:
     """
     if isinstance(name_or_folder, Category):
         return name_or_folder
+    folder = category_folder(name_or_folder)
+    file = CategoryFile.load(folder)
+    return Category(file.name, folder, file)
+
+
+def category_folder(name_or_folder: str | Path) -> Path:
+    """Folder of a category: a shipped one by its name, which comes before a folder so called here.
+
+    Raises:
+        CategoryError: neither a known name nor a folder; the error lists the known names.
+    """
     text = str(name_or_folder)
-    folder = Path(text)
     if isinstance(name_or_folder, str) and text in list_categories():
-        folder = objects_folder() / text
-    elif not text or not folder.is_dir():
+        return objects_folder() / text
+    if not text or not Path(text).is_dir():
         raise CategoryError(
             "is neither a known category nor a folder", key=text or "category", choices=list_categories()
         )
-    file = CategoryFile.load(folder)
-    return Category(file.name, folder, file)
+    return Path(text)
 
 
 def _folders() -> Iterator[Path]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from grasptransfer.category.category import (
     CANONICAL,
@@ -13,13 +12,15 @@ from grasptransfer.category.category import (
     GRASPS,
     SHAPE_SPACE,
     Category,
+    category_folder,
     load_category,
 )
 from grasptransfer.category.settings import FILE_NAME
-from grasptransfer.errors import GraspTransferError
+from grasptransfer.errors import GraspFileError, GraspTransferError
+from grasptransfer.files import read_yaml
 
 CENTRE_TOLERANCE = 2e-3  # m: scans are centred by hand to about a millimetre
-SIZES = (0.005, 2.0)  # m: smallest and largest plausible longest side of a graspable object
+SMALLEST, LARGEST = 0.005, 2.0  # m: longest side of anything a gripper handles
 FAR = 0.05  # of the canonical's size: control points lie on its surface, less half a voxel
 
 
@@ -47,14 +48,14 @@ def check_category(name_or_folder: str | Path | Category) -> list[Fault]:
     Raises:
         CategoryError: it is neither a known category nor a folder.
     """
-    if not isinstance(name_or_folder, Category) and Path(name_or_folder).is_dir():
-        folder = Path(name_or_folder)
+    if isinstance(name_or_folder, Category):
+        category = name_or_folder
+    else:
+        folder = category_folder(name_or_folder)
         try:
             category = load_category(folder)
         except GraspTransferError as error:
             return [_fault(folder / FILE_NAME, error)]
-    else:
-        category = load_category(name_or_folder)
     faults = [*_file_faults(category)]
     faults += [*_mesh_faults(category), *_space_faults(category), *_grasp_faults(category)]
     return list(dict.fromkeys(faults))
@@ -97,8 +98,8 @@ def _mesh_faults(category: Category) -> Iterator[Fault]:
             continue
         low, high = vertices.min(0), vertices.max(0)
         size = float((high - low).max())
-        if not SIZES[0] <= size <= SIZES[1]:
-            unit = " (millimetres?)" if size > SIZES[1] else ""
+        if not SMALLEST <= size <= LARGEST:
+            unit = " (millimetres?)" if size > LARGEST else ""
             yield Fault(path, f"its longest side is {size:g} m{unit}", "Scale it to metres")
         elif np.abs(low + high).max() / 2 > CENTRE_TOLERANCE:
             shift = np.round((low + high) / 2, 4).tolist()
@@ -143,14 +144,10 @@ def _grasp_faults(category: Category) -> Iterator[Fault]:
         yield Fault(path, "there are no grasps yet", f"Annotate some: grasptransfer annotate {category.name}")
         return
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        yield Fault(path, f"is not valid YAML: {' '.join(str(error).split())}")
+        block = read_yaml(path, error=GraspFileError).get("grasptransfer")
+    except GraspFileError as error:
+        yield _fault(path, error)
         return
-    except OSError as error:
-        yield Fault(path, "cannot be read", str(error))
-        return
-    block = data.get("grasptransfer") if isinstance(data, dict) else None
     told = block.get("canonical_sha256") if isinstance(block, dict) else None
     if told is not None and told != category.file.checksums.get(CANONICAL):
         yield Fault(

@@ -8,7 +8,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from grasptransfer.errors import CategoryError
-from grasptransfer.files import write_whole
+from grasptransfer.files import read_yaml, write_whole
 
 FILE_NAME = "category.yaml"
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # of a category: also a folder, and part of file names
@@ -106,16 +106,9 @@ class CategoryFile(_Strict):
             CategoryError: missing, not YAML, or with a wrong key or value.
         """
         path = folder / FILE_NAME
-        try:
-            data = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except FileNotFoundError as cause:
-            raise CategoryError("is missing", path=path, fix="Is this a category folder?") from cause
-        except (OSError, UnicodeDecodeError) as cause:
-            raise CategoryError("cannot be read", path=path, fix=str(cause)) from cause
-        except yaml.YAMLError as cause:
-            mark = getattr(cause, "problem_mark", None)
-            line = f" at line {mark.line + 1}" if mark else ""
-            raise CategoryError(f"is not valid YAML{line}", path=path) from cause
+        if not path.exists():
+            raise CategoryError("is missing", path=path, fix="Is this a category folder?")
+        data = read_yaml(path, error=CategoryError)
         try:
             return CategoryFile.model_validate(data)
         except ValidationError as cause:

@@ -9,12 +9,12 @@ import trimesh
 from jaxtyping import Float
 
 from grasptransfer.category.carving import carved_surface
+from grasptransfer.category.check import LARGEST, SMALLEST
 from grasptransfer.category.pcd import read_pcd, read_xyz
 from grasptransfer.errors import CategoryError, MeshError, SettingsError
 
 MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 ENDINGS = (*MESHES, ".pcd", ".xyz")
-LARGEST, SMALLEST = 2.0, 0.005  # m: longest side of anything a gripper handles
 TYPICAL, UNITS = 0.15, {"millimetres": 0.001, "centimetres": 0.01}  # m; metres in one unit
 FEWEST_POINTS = 50
 AXES = {"+x": (1, 0, 0), "+y": (0, 1, 0), "+z": (0, 0, 1)}

@@ -42,17 +42,17 @@ def info(category: Positional[Annotated[str, arg(metavar="CATEGORY")]]) -> int:
     return 0
 
 
-def check(category: Positional[Annotated[Path, arg(metavar="CATEGORY")]]) -> int:
+def check(category: Positional[Annotated[str, arg(metavar="CATEGORY")]]) -> int:
     """Verify a category folder and explain every fault.
 
     Args:
         category: name or folder.
     """
-    from grasptransfer.category import check_category, load_category
-    from grasptransfer.category.category import GRASPS
+    from grasptransfer.category import check_category
+    from grasptransfer.category.category import GRASPS, category_folder
     from grasptransfer.grasping import load_grasps
 
-    folder = category if category.is_dir() else load_category(str(category)).folder
+    folder = category_folder(category)
     found = check_category(folder)
     faults = [str(fault) for fault in found]
     if (folder / GRASPS).is_file() and folder / GRASPS not in [fault.path for fault in found]:
