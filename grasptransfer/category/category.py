@@ -139,11 +139,6 @@ class Category:
         """The field from the canonical model to train instance number `index`, in the order of `train`."""
         return self.field(self.train[index])
 
-    @property
-    def training_weights(self) -> Float[np.ndarray, "i n 3"]:
-        """Weights of the fields of the train instances, in their order, normalised units."""
-        return np.stack([self._fields[name] for name in self.train])
-
     def checked_path(self, relative: str) -> Path:
         """A file of the folder, once its checksum was found right.
 
@@ -236,10 +231,8 @@ def load_scene(path: Path) -> "trimesh.Scene":
     return scene
 
 
-def _as_mesh(scene: "trimesh.Scene") -> "trimesh.Trimesh":
-    """All parts in one mesh, in file order; textures are packed into one picture."""
-    import trimesh
-
+def placed_parts(scene: "trimesh.Scene") -> list["trimesh.Trimesh"]:
+    """Copies of a scene's parts where its nodes put them, in file order."""
     order = list(scene.geometry)
     parts = []
     for node in sorted(scene.graph.nodes_geometry, key=lambda node: order.index(scene.graph[node][1])):
@@ -248,6 +241,14 @@ def _as_mesh(scene: "trimesh.Scene") -> "trimesh.Trimesh":
         if not np.array_equal(transform, np.eye(4)):
             part.apply_transform(transform)
         parts.append(part)
+    return parts
+
+
+def _as_mesh(scene: "trimesh.Scene") -> "trimesh.Trimesh":
+    """All parts in one mesh, in file order; textures are packed into one picture."""
+    import trimesh
+
+    parts = placed_parts(scene)
     if len(parts) == 1:
         return parts[0]
     return trimesh.util.concatenate(parts)  # pyright: ignore[reportReturnType]  meshes give a mesh

@@ -10,6 +10,8 @@ from PIL import Image, ImageDraw, ImageFont
 from trimesh.visual import TextureVisuals
 from trimesh.visual.color import uv_to_color
 
+from grasptransfer.category.category import placed_parts
+
 AZIMUTH, ELEVATION = np.deg2rad(35.0), np.deg2rad(22.0)
 BACKGROUND = 255.0
 SUPERSAMPLING = 2
@@ -32,7 +34,7 @@ def picture(
         azimuth, elevation: where the viewer is; 0, 0 is in front of the object (+x) [rad].
         extent: what the width of the picture spans [m]; None fits the object.
     """
-    parts = _parts(scene)
+    parts = [scene] if isinstance(scene, trimesh.Trimesh) else placed_parts(scene)
     low = np.min([part.bounds[0] for part in parts], axis=0)
     high = np.max([part.bounds[1] for part in parts], axis=0)
     radius = float(np.linalg.norm(high - low)) / 2
@@ -95,10 +97,6 @@ def png(image: UInt8[np.ndarray, "h w 3"]) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
-
-
-def _parts(scene: trimesh.Scene | trimesh.Trimesh) -> list[trimesh.Trimesh]:
-    return [scene] if isinstance(scene, trimesh.Trimesh) else list(scene.geometry.values())
 
 
 def _viewer_axes(azimuth: float, elevation: float) -> Float[np.ndarray, "3 3"]:
