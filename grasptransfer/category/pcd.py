@@ -1,4 +1,4 @@
-"""Reading point clouds: PCD (ascii, binary, binary_compressed), PLY without faces, XYZ."""
+"""Reading point clouds: PCD (ascii, binary, binary_compressed) and XYZ."""
 
 from pathlib import Path
 
@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from grasptransfer.errors import PointCloudError
 
-ENDINGS = (".pcd", ".xyz")
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 
 

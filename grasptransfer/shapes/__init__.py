@@ -5,7 +5,7 @@ and a `build(parameters, seed)` that makes a `Shape`. Samples of a category shar
 """
 
 from functools import lru_cache
-from importlib import import_module, util
+from importlib import import_module
 
 from grasptransfer.errors import CategoryError, SettingsError, check_seed
 from grasptransfer.shapes.correspondence import SurfaceLocator, corresponding_points
@@ -31,10 +31,9 @@ _MODULES = {  # the model of a photo camera is no `grasptransfer.camera`
 }
 
 
-@lru_cache(maxsize=1)
 def generators() -> tuple[str, ...]:
     """Names of the categories that have a parametric model."""
-    return tuple(name for name, module in _MODULES.items() if util.find_spec(f"{__name__}.{module}"))
+    return tuple(_MODULES)
 
 
 def sample(category: str, seed: int, **fixed) -> Shape:

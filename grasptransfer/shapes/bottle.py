@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.shapes import bottle_finish
+from grasptransfer.shapes.bottle_finish import V_TOP, V_UNDER
 from grasptransfer.shapes.bottle_parameters import BottleParameters
 from grasptransfer.shapes.shape import Part, Shape, centred
 from grasptransfer.shapes.surfaces import Surface, superellipse, tube
@@ -13,7 +14,6 @@ from grasptransfer.shapes.surfaces import Surface, superellipse, tube
 COLUMNS, _CAP_COLUMNS = 40, 32
 _ROUND, _BODY, _SHOULDER, _NECK, _LIQUID = 5, 46, 13, 6, 26  # rows of the regions
 _FACTORS = np.array([0.0, 0.25, 0.5, 0.7, 0.82, 0.92])  # radii of the underside's rows, shares of its edge
-V_UNDER, V_TOP = 0.04, 0.96  # texture band of the outside, linear in height
 _OPEN_CAP = 0.0015  # m: height of the disc that is left of the cap inside the bore of an open bottle
 
 PARAMETERS = BottleParameters

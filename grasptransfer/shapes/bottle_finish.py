@@ -11,7 +11,7 @@ from grasptransfer.shapes.shape import Material
 from grasptransfer.shapes.textures import Colour
 
 _SIZE = (448, 448)
-_V_UNDER, _V_SPAN = 0.04, 0.92  # the band of v that the outside takes
+V_UNDER, V_TOP = 0.04, 0.96  # texture band of the outside, linear in height
 _COLA, _RED_WINE = (44, 18, 10), (70, 8, 24)
 _SODAS: tuple[Colour, ...] = (_COLA, _COLA, (240, 130, 20), (250, 215, 60), (120, 190, 60), (200, 40, 60))
 _DARK_GLASS: tuple[Colour, ...] = ((30, 56, 24), (20, 32, 16), (52, 66, 20), (70, 38, 12), (12, 14, 12))
@@ -135,11 +135,11 @@ def _labels(p: BottleParameters, image: Image.Image, cover: Image.Image, rng: np
         rng.choice(["front", "wrap", "both", "sleeve", "print", "none"], p=[0.34, 0.24, 0.16, 0.06, 0.1, 0.1])
     )
     paper = textures.draw_colour(rng)
-    v0, v1 = _V_UNDER + _V_SPAN * low, _V_UNDER + _V_SPAN * high
+    v0, v1 = _v(low), _v(high)
     size = (high - low) * p.height
     share = float(np.clip(rng.uniform(0.26, 0.46), 0.2, 0.9 * p.height / around))
     if kind == "sleeve":
-        v0, v1, size = 0.0, _V_UNDER + _V_SPAN * (p.neck - 0.02), p.neck * p.height
+        v0, v1, size = 0.0, _v(p.neck - 0.02), p.neck * p.height
     if kind in ("wrap", "sleeve"):
         patch = labels.label(rng, *_pixels(around / 3, size), colour=paper)
         for turn in (-1, 0, 1):
@@ -163,8 +163,13 @@ def _labels(p: BottleParameters, image: Image.Image, cover: Image.Image, rng: np
             paper = textures.shade(textures.draw_colour(rng), 0.6)
         start = rng.uniform(p.neck, 0.5 + 0.5 * p.neck)
         end = 1.0 if p.kind == "wine" else start + 0.1
-        _stick(image, cover, textures.canvas(8, 8, paper), (0, _V_UNDER + _V_SPAN * start, 1, end))
+        _stick(image, cover, textures.canvas(8, 8, paper), (0, _v(start), 1, end))
     return paper
+
+
+def _v(share: float) -> float:
+    """Texture coordinate of the outside at this share of the height."""
+    return V_UNDER + (V_TOP - V_UNDER) * share
 
 
 def _pixels(width: float, height: float) -> tuple[int, int]:

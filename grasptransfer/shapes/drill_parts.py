@@ -17,6 +17,7 @@ from grasptransfer.shapes.surfaces import (
     loft,
     revolve,
     rounded_box,
+    smooth_step,
     superellipse,
     sweep,
 )
@@ -30,21 +31,15 @@ def pitched(degrees: float) -> Float[np.ndarray, "3 3"]:
     return np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
 
 
-def _smooth(low: float, high: float, x: Float[np.ndarray, "*r"]) -> Float[np.ndarray, "*r"]:
-    """Rises from 0 at `low` to 1 at `high` without a kink."""
-    t = np.clip((x - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
 def _bump(centre: float, width: float, x: Float[np.ndarray, "*r"]) -> Float[np.ndarray, "*r"]:
     return np.exp(-(((x - centre) / width) ** 2))
 
 
 def _outline(p: DrillParameters, t: Float[np.ndarray, "r"]) -> tuple[Float[np.ndarray, "r"], ...]:
     """Half height, half width and middle height of the housing [m] at shares of its length."""
-    size = p.rear_size + (1 - p.rear_size) * _smooth(0, 0.45, t)
-    size -= (1 - p.front_size) * _smooth(0.5, 0.97, t)
-    middle = -p.rear_drop * (1 - _smooth(0, 0.6, t))
+    size = p.rear_size + (1 - p.rear_size) * smooth_step(0, 0.45, t)
+    size -= (1 - p.front_size) * smooth_step(0.5, 0.97, t)
+    middle = -p.rear_drop * (1 - smooth_step(0, 0.6, t))
     return size * p.body_height / 2, size * p.slimness * p.body_height / 2, middle
 
 
@@ -87,7 +82,7 @@ def chuck(p: DrillParameters) -> Surface:
         [0, 0, 0.06, 0.3, 0.32, 0.36, 0.38, 0.64, 0.7, 0.8, 0.9, 0.97, 1.0, 1.0, 0.99, 0.86, 0.86]
     )
     nose = p.chuck_nose
-    taper = 1 - (1 - nose) * _smooth(0.62, 0.98, along[:13])
+    taper = 1 - (1 - nose) * smooth_step(0.62, 0.98, along[:13])
     size = np.array([0, 0.9, 0.97, 0.98, 0.93, 0.93, 1, 1, 1, 1, 1, 0.98, 0.9]) * taper
     hole = np.array([0.45, 0.32, 0.3, 0.0]) * max(nose, 0.5)
     profile = np.stack(
@@ -146,11 +141,11 @@ def handle(p: DrillParameters) -> Surface:
     throat = min(p.throat, 0.9 * (p.body_length - p.overhang) - p.handle_depth / 2)
     waist = 0.06 * p.handle_depth * _bump(0.85, 0.12, reached)
     back = middle - p.handle_depth / 2 - p.swell * _bump(0.55, 0.22, reached) + waist
-    back -= 0.25 * min(p.overhang, 0.05) * _smooth(0.86, 1.15, reached)
+    back -= 0.25 * min(p.overhang, 0.05) * smooth_step(0.86, 1.15, reached)
     front = middle + p.handle_depth / 2 + 0.4 * p.swell * _bump(0.35, 0.15, reached)
-    front += throat * _smooth(0.7, 1.0, reached)
+    front += throat * smooth_step(0.7, 1.0, reached)
     width = p.handle_width / 2 * (1 + 0.06 * _bump(0.5, 0.25, reached) - 0.05 * _bump(0.85, 0.1, reached))
-    width += (0.36 * p.slimness * p.body_height - p.handle_width / 2) * _smooth(0.9, 1.25, reached)
+    width += (0.36 * p.slimness * p.body_height - p.handle_width / 2) * smooth_step(0.9, 1.25, reached)
     sections = superellipse(36, (front - back) / 2, width, 2.4)
     sections[..., 0] += ((front + back) / 2)[:, None]
     return loft(z, sections)
@@ -210,7 +205,7 @@ def foot(p: DrillParameters) -> Surface:
     sections[..., 0] += ((ahead + back) / 2)[:, None]
     surface = loft(z, sections)
     share = (surface.vertices[:, 2] - z[0]) / (z[-1] - z[0])
-    return _tilted(p, surface, 1 - _smooth(0.1, 0.9, share))
+    return _tilted(p, surface, 1 - smooth_step(0.1, 0.9, share))
 
 
 def battery(p: DrillParameters) -> Surface:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.shapes import mug_finish
+from grasptransfer.shapes.mug_finish import V_INSIDE, V_OUTSIDE, V_RIM, V_UNDER
 from grasptransfer.shapes.mug_parameters import MugParameters
 from grasptransfer.shapes.shape import Part, Shape, centred
 from grasptransfer.shapes.surfaces import Surface, resample, revolve, superellipse, sweep, tube
@@ -17,9 +18,6 @@ from grasptransfer.shapes.surfaces import Surface, resample, revolve, superellip
 COLUMNS = 48
 _ROUND, _WALL, _RIM, _INSIDE, _FLOOR = 5, 28, 5, 11, 5  # rows of the body's regions
 _QUARTER, _RING = 13, 14  # handle: rows from an end to the outermost point, columns
-# Texture bands of the body: underside, outside, rim, inside wall, floor.
-V_UNDER, V_OUTSIDE, V_RIM, V_INSIDE = 0.06, 0.70, 0.75, 0.94
-
 
 PARAMETERS = MugParameters
 

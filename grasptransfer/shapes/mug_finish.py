@@ -11,6 +11,8 @@ from grasptransfer.shapes.shape import Material
 from grasptransfer.shapes.textures import Colour
 
 _SIZE = (512, 384)
+# Upper ends of the body's texture bands: underside, outside, rim, inside wall; the floor ends at 1.
+V_UNDER, V_OUTSIDE, V_RIM, V_INSIDE = 0.06, 0.70, 0.75, 0.94
 _DRINKS: tuple[Colour, ...] = ((46, 26, 14), (160, 112, 66), (150, 74, 20), (236, 228, 214), (190, 60, 30))
 
 
@@ -58,14 +60,14 @@ def _plain(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Materi
 def _two_tone(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Material]:
     outside, inside = _glaze_colour(rng), textures.draw_colour(rng)
     image = _new_canvas(outside)
-    _fill(image, (0.75, 1.0), inside)
+    _fill(image, (V_RIM, 1.0), inside)
     if rng.random() < 0.5:
-        _fill(image, (0.70, 0.75), inside)
+        _fill(image, (V_OUTSIDE, V_RIM), inside)
     if rng.random() < 0.3:  # the lower part is bare clay or another glaze
         _fill(image, (0.0, rng.uniform(0.12, 0.4)), textures.draw_colour(rng))
     if rng.random() < 0.2:  # halves: the handle's side differs
         half = textures.canvas(64, 64, textures.draw_colour(rng))
-        textures.paste(image, half, (-0.25, 0, 0.25, 0.75))
+        textures.paste(image, half, (-0.25, 0, 0.25, V_RIM))
     return _glazed(image, inside if rng.random() < 0.6 else outside, rng)
 
 
@@ -76,7 +78,7 @@ def _patterned(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Ma
     if rng.random() < 0.25:
         textures.paste(image, textures.glaze(rng, 512, 256, [colour, *others]), (0, 0.0, 1, 0.72))
     else:
-        low, high = (0.06, 0.70) if rng.random() < 0.6 else sorted(rng.uniform(0.1, 0.68, 2))
+        low, high = (V_UNDER, V_OUTSIDE) if rng.random() < 0.6 else sorted(rng.uniform(0.1, 0.68, 2))
         high = max(high, low + 0.1)
         width, height = _patch(p, 1.0, high - low)
         textures.paste(image, textures.pattern(rng, width, height, [colour, *others]), (0, low, 1, high))
@@ -98,7 +100,7 @@ def _printed(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Mate
             print_ = labels.label(rng, width, height)
         textures.paste(image, print_, (middle - share / 2, low, middle + share / 2, high))
     if rng.random() < 0.3:
-        _fill(image, (0.75, 1.0), ink)
+        _fill(image, (V_RIM, 1.0), ink)
     return _glazed(image, colour if rng.random() < 0.8 else ink, rng)
 
 
@@ -135,7 +137,7 @@ def _glass(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Materi
     rgba = np.empty((_SIZE[1], _SIZE[0], 4), np.uint8)
     rgba[..., :3] = np.clip(255 * tint, 0, 255)
     rgba[..., 3] = int(255 * opacity)
-    rim = slice(int((1 - 0.75) * _SIZE[1]), int((1 - 0.69) * _SIZE[1]))
+    rim = slice(int((1 - V_RIM) * _SIZE[1]), int((1 - 0.69) * _SIZE[1]))
     rgba[rim, :, 3] = int(255 * min(opacity * 1.8, 1))  # one looks through more glass at the rim and the foot
     rgba[int(0.93 * _SIZE[1]) :, :, 3] = int(255 * min(opacity * 1.6, 1))
     handle = Material.plain((*tint, min(opacity * 1.5, 0.8)), roughness=0.1)
@@ -171,7 +173,8 @@ def _fill(image: Image.Image, band: tuple[float, float], colour: Colour) -> None
 
 def _patch(p: MugParameters, share: float, band: float) -> tuple[int, int]:
     """Pixels of a print that takes `share` of the circumference and `band` of v."""
-    return textures.patch_size(2 * np.pi * p.radius * share, p.height * band / 0.64, long_side=320)
+    height = p.height * band / (V_OUTSIDE - V_UNDER)
+    return textures.patch_size(2 * np.pi * p.radius * share, height, long_side=320)
 
 
 def _glazed(image: Image.Image, handle: Colour, rng: np.random.Generator) -> tuple[Material, Material]:

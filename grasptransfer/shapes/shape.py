@@ -118,7 +118,7 @@ class Shape:
 
     Args:
         category: its name.
-        parameters: what it was built from, by name.
+        parameters: what it was built from, by name; moved `towards` another shape, it keeps its own.
         parts: watertight, may overlap; the same names and topology for all samples of a category.
         contents: parts inside others, such as a liquid: drawn only where the part around them is
             see-through, and no part of the geometry.

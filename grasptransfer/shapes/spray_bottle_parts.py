@@ -4,15 +4,19 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.shapes.spray_bottle_parameters import SprayBottleParameters
-from grasptransfer.shapes.surfaces import ALONG_X, Surface, circle, loft, revolve, superellipse, sweep
+from grasptransfer.shapes.surfaces import (
+    ALONG_X,
+    Surface,
+    circle,
+    loft,
+    revolve,
+    smooth_step,
+    superellipse,
+    sweep,
+)
 
 _DOWN = -np.pi / 2  # seam of what lies along x: at its underside
 _COLUMNS = 40
-
-
-def _smooth(low: float, high: float, x: Float[np.ndarray, "*r"]) -> Float[np.ndarray, "*r"]:
-    t = np.clip((x - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
 
 
 def _outline(p: SprayBottleParameters) -> tuple[Float[np.ndarray, "r"], Float[np.ndarray, "r c 2"]]:
@@ -34,18 +38,18 @@ def _outline(p: SprayBottleParameters) -> tuple[Float[np.ndarray, "r"], Float[np
     belly = (
         1 - p.taper * np.clip(z / begin, 0, 1) - p.waist * np.exp(-(((z / begin - p.waist_at) / 0.22) ** 2))
     )
-    grip = p.neck_radius * (1 + (p.grip_size - 1) * (1 - _smooth(top, p.body_height, z)))
+    grip = p.neck_radius * (1 + (p.grip_size - 1) * (1 - smooth_step(top, p.body_height, z)))
     front = _edge(p, z, begin, top, p.half_x * belly - inset, grip)
     ridge = p.ridges * np.cos(6 * np.pi * (z - top) / (p.body_height - top))
     front += (
         np.where(z > top, ridge, p.ridges)
-        * _smooth(begin, top, z)
-        * (1 - _smooth(0.9, 1.0, z / p.body_height))
+        * smooth_step(begin, top, z)
+        * (1 - smooth_step(0.9, 1.0, z / p.body_height))
     )
     back = _edge(p, z, begin * (1 - p.back_lead), top, p.half_x * belly - inset, grip)
     width = _edge(p, z, begin, top, p.half_y * belly - inset, grip)
-    middle = p.grip_shift * _smooth(0.8 * begin, top, z) * (1 - _smooth(top, p.body_height, z))
-    exponent = 2 + (p.squareness - 2) * (1 - _smooth(begin, top, z))
+    middle = p.grip_shift * smooth_step(0.8 * begin, top, z) * (1 - smooth_step(top, p.body_height, z))
+    exponent = 2 + (p.squareness - 2) * (1 - smooth_step(begin, top, z))
     sections = superellipse(_COLUMNS, (front + back) / 2, width, exponent)
     sections[..., 0] += (middle + (front - back) / 2)[:, None]
     return z, sections
@@ -102,8 +106,8 @@ def stem(p: SprayBottleParameters) -> Surface:
     """From the collar up into the head."""
     low, high = p.body_height + 0.8 * p.collar_height, p.head_z + 0.45 * p.head_height
     s = np.linspace(0, 1, 9)
-    half_x = p.neck_radius * (0.98 - 0.12 * _smooth(0, 0.5, s))
-    half_y = half_x + (p.head_width * 0.92 - half_x) * _smooth(0.1, 0.8, s)
+    half_x = p.neck_radius * (0.98 - 0.12 * smooth_step(0, 0.5, s))
+    half_y = half_x + (p.head_width * 0.92 - half_x) * smooth_step(0.1, 0.8, s)
     return loft(low + (high - low) * s, superellipse(28, half_x, half_y, 2.3))
 
 
@@ -119,12 +123,12 @@ def head(p: SprayBottleParameters) -> Surface:
     )
     rounding = np.concatenate([np.sin(corner), np.ones(14)]) ** 0.8
     t = np.clip(x / p.head_front, 0, 1)
-    top = p.head_z + p.head_height - p.nose_drop * _smooth(0.1, 1.0, t)
-    top -= 0.2 * p.nose_drop * _smooth(0, p.head_rear, -x)
-    low = p.head_z + p.rear_low * _smooth(0.006, p.head_rear, -x)
-    low += (p.nozzle_z - p.nose_height / 2 - p.head_z) * _smooth(0.2, 0.8, t)
+    top = p.head_z + p.head_height - p.nose_drop * smooth_step(0.1, 1.0, t)
+    top -= 0.2 * p.nose_drop * smooth_step(0, p.head_rear, -x)
+    low = p.head_z + p.rear_low * smooth_step(0.006, p.head_rear, -x)
+    low += (p.nozzle_z - p.nose_height / 2 - p.head_z) * smooth_step(0.2, 0.8, t)
     low = np.minimum(low, top - 0.008)
-    width = p.head_width * (1 - 0.18 * _smooth(0.2, 1, t) - 0.12 * _smooth(0, p.head_rear, -x))
+    width = p.head_width * (1 - 0.18 * smooth_step(0.2, 1, t) - 0.12 * smooth_step(0, p.head_rear, -x))
     middle, half = (top + low) / 2, (top - low) / 2
     half = half * rounding
     sections = superellipse(28, width * rounding, half, 3.0, start=_DOWN)
@@ -148,11 +152,11 @@ def lever(p: SprayBottleParameters) -> Surface:
     lean = np.radians(p.lever_lean)
     away = p.lever_bow * (4 * (s - 0.45) ** 2 - 0.8)  # hollow where the fingers pull
     start_x, start_z = p.lever_at * p.head_front, p.nozzle_z - 0.1 * p.nose_height
-    x = start_x + p.lever_length * s * np.sin(lean) - away * 0
+    x = start_x + p.lever_length * s * np.sin(lean)
     x += away - away[0]
     z = start_z - (p.lever_length + 0.004) * s * np.cos(lean)
     end = np.sqrt(np.clip(1 - (np.clip(s - 0.86, 0, 1) / 0.15) ** 2, 0.05, 1))
     thick = 0.0027 * (1.35 - 0.5 * s) * end
-    wide = p.lever_width / 2 * (0.8 + 0.3 * _smooth(0.1, 0.5, s)) * (0.4 + 0.6 * end)
+    wide = p.lever_width / 2 * (0.8 + 0.3 * smooth_step(0.1, 0.5, s)) * (0.4 + 0.6 * end)
     sections = superellipse(20, thick, wide, 3.0)
     return sweep(np.stack([x, 0 * s, z], -1), sections)

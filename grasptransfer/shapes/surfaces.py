@@ -251,6 +251,12 @@ def rounded_box(
     return tube(capped(rings), v=v)
 
 
+def smooth_step(low: float, high: float, x: Float[np.ndarray, "*r"]) -> Float[np.ndarray, "*r"]:
+    """Rises from 0 at `low` to 1 at `high` without a kink."""
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
 def resample(points: Float[np.ndarray, "m d"], count: int) -> Float[np.ndarray, "count d"]:
     """`count` points evenly spaced by arc length along a polyline, its ends included."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
