@@ -1,5 +1,8 @@
 """Turning parametric shapes into a shape space: exact fields, a sound choice, the accuracy of CPD."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -72,6 +75,21 @@ def test_every_generator_has_curated_instances_that_do_not_overlap():
         assert len(curated.train) >= 14
         assert len(curated.test) >= 4
         assert not set(curated.train) & set(curated.test)
+
+
+def test_the_command_writes_the_named_categories_or_all(monkeypatch):
+    written = []
+    monkeypatch.setattr(library, "build_shipped_category", lambda name, progress: written.append(name))
+    library.main(["mug"])
+    library.main([])
+    assert written == ["mug", *library.CURATED]
+
+
+def test_the_command_ends_with_code_2_and_the_known_names():
+    command = [sys.executable, "-m", "grasptransfer.shapes.library", "teapot"]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert (ended.returncode, "spray_bottle" in ended.stderr) == (2, True)
+    assert "Traceback" not in ended.stderr
 
 
 def test_an_unknown_shipped_category_lists_the_known():

@@ -2,10 +2,13 @@
 
 The correspondences are known, so each shape's field is a plain least-squares fit, and the width of
 the kernel, its smoothness and the number of modes are chosen by what they leave on shapes held out.
+`python -m grasptransfer.shapes.library [NAME …]` writes them, all if no name is given.
 """
 
 import io
-from collections.abc import Callable
+import logging
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +19,7 @@ from PIL import Image
 from grasptransfer.category.assemble import glb_of, write_category
 from grasptransfer.category.category import Category, objects_folder
 from grasptransfer.category.settings import Settings, Split
-from grasptransfer.errors import CategoryError
+from grasptransfer.errors import CategoryError, GraspTransferError
 from grasptransfer.shapes import canonical, sample
 from grasptransfer.shapes.canonical_surface import CanonicalSurface, surface_of
 from grasptransfer.shapes.cpd_accuracy import CpdAccuracy, cpd_accuracy
@@ -165,3 +168,18 @@ def _settings(choice: Choice, surface: CanonicalSurface, samples: int) -> Settin
         voxel=surface.voxel,
         samples=samples,
     )
+
+
+def main(names: Sequence[str]) -> None:
+    """Write shipped categories of these names into `objects/`, all if none is given."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    for name in names or CURATED:
+        build_shipped_category(name, progress=logging.info)
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except GraspTransferError as error:
+        logging.error(error)
+        sys.exit(2)
