@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -79,14 +80,14 @@ def test_every_generator_has_curated_instances_that_do_not_overlap():
 
 def test_the_command_writes_the_named_categories_or_all(monkeypatch):
     written = []
-    monkeypatch.setattr(library, "build_shipped_category", lambda name, progress: written.append(name))
-    library.main(["mug"])
-    library.main([])
-    assert written == ["mug", *library.CURATED]
+    monkeypatch.setattr(library, "build_shipped_category", lambda name, out, progress: written.append(out))
+    library.main(Path("made"), ("mug",))
+    library.main(Path("made"))
+    assert written == [Path("made") / name for name in ("mug", *library.CURATED)]
 
 
-def test_the_command_ends_with_code_2_and_the_known_names():
-    command = [sys.executable, "-m", "grasptransfer.shapes.library", "teapot"]
+def test_the_command_ends_with_code_2_and_the_known_names(tmp_path):
+    command = [sys.executable, "-m", "grasptransfer.shapes.library", str(tmp_path), "teapot"]
     ended = subprocess.run(command, capture_output=True, text=True)
     assert (ended.returncode, "spray_bottle" in ended.stderr) == (2, True)
     assert "Traceback" not in ended.stderr

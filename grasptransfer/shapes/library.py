@@ -2,19 +2,21 @@
 
 The correspondences are known, so each shape's field is a plain least-squares fit, and the width of
 the kernel, its smoothness and the number of modes are chosen by what they leave on shapes held out.
-`python -m grasptransfer.shapes.library [NAME …]` writes them, all if no name is given.
+`python -m grasptransfer.shapes.library FOLDER [NAME …]` writes them, all if no name is given.
 """
 
 import io
 import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
+import tyro
 from PIL import Image
+from tyro.conf import Positional
 
 from grasptransfer.category.assemble import glb_of, write_category
 from grasptransfer.category.category import Category, objects_folder
@@ -170,16 +172,21 @@ def _settings(choice: Choice, surface: CanonicalSurface, samples: int) -> Settin
     )
 
 
-def main(names: Sequence[str]) -> None:
-    """Write shipped categories of these names into `objects/`, all if none is given."""
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
+def main(folder: Positional[Path], names: Positional[tuple[str, ...]] = ()) -> None:
+    """Make the shipped categories.
+
+    Args:
+        folder: to write each into, under its name.
+        names: of the categories; all if none is given.
+    """
     for name in names or CURATED:
-        build_shipped_category(name, progress=logging.info)
+        build_shipped_category(name, folder / name, progress=logging.info)
 
 
 if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
     try:
-        main(sys.argv[1:])
+        tyro.cli(main)
     except GraspTransferError as error:
         logging.error(error)
         sys.exit(2)
