@@ -146,7 +146,7 @@ def test_grasps_of_another_canonical_model_are_refused(files, capsys, tmp_path, 
     category = load_category("mug")
     shutil.copytree(category.folder, tmp_path / "mug", ignore=shutil.ignore_patterns("demo"))
     path = tmp_path / "mug" / "grasps.yaml"
-    path.write_text(path.read_text().replace(category.canonical_sha256, "0" * 64))
+    path.write_text(path.read_text().replace(category.canonical_sha256, "f" * 64))
     monkeypatch.chdir(files)
     given = ["--category", str(tmp_path / "mug"), "--pose", "pose.yaml", "--out", str(tmp_path / "out")]
     code, _, err = _run(["transfer", "picture.png", *given], capsys)
