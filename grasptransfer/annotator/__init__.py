@@ -1,12 +1,8 @@
-"""Annotating grasps of a category's canonical model in the browser; needs the extra `annotate`."""
+"""Annotating grasps of a category's canonical model in the browser; needs the extra `annotate`.
+
+`annotator.browser.annotate` serves it; a `Session` does the same without a browser.
+"""
 
 from grasptransfer.annotator.session import Measurement, Session
 
-__all__ = ["Measurement", "Session", "annotate"]
-
-
-def annotate(*arguments, **options) -> None:
-    """Serve the annotator; see `annotator.browser.annotate`."""
-    from grasptransfer.annotator.browser import annotate as serve
-
-    serve(*arguments, **options)
+__all__ = ["Measurement", "Session"]

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -75,10 +76,9 @@ class Page:
     def __init__(self, server: Any, session: Session):
         self.server, self.session = server, session
         self._selected: str | None = None
-        self._pending: list[Callable[[], None]] = []
+        self._pending: list[_Asked] = []
         self._lock = threading.Lock()
         self._loading = False
-        self._links: dict[str, Any] = {}
         self._build_scene()
         self._build_panel()
         self._later(lambda: self._select(session.names[0] if session.names else None))
@@ -88,15 +88,19 @@ class Page:
         """Do what was asked for since the last time; a wrong request is answered in the panel."""
         with self._lock:
             pending, self._pending = self._pending, []
-        for action in pending:
+        for asked in pending:
+            if asked.grasp not in (None, self._selected):
+                continue  # it was asked of another grasp
             try:
-                action()
+                asked.action()
             except GraspTransferError as error:
                 self.status.content = f"**{error}**"
 
-    def _later(self, action: Callable[[], None]) -> None:
+    def _later(self, action: Callable[[], Any], *, grasp: str | None = None, drag: bool = False) -> None:
         with self._lock:
-            self._pending.append(action)
+            if drag and self._pending and self._pending[-1].drag:
+                self._pending.pop()  # only the last of many small moves matters
+            self._pending.append(_Asked(action, grasp, drag))
 
     def _build_scene(self) -> None:
         scene = self.server.scene
@@ -121,7 +125,7 @@ class Page:
         self.chosen = gui.add_dropdown("grasp", session.names or ("none",))
         self.chosen.on_update(lambda _: self._later(lambda: self._choose(str(self.chosen.value))))
         self.status = gui.add_markdown("")
-        self._button("centre between the pads", lambda: self._measured(session.centre, move=True))
+        self._button("centre between the pads", lambda: self._measured(session.centre, move=True), edits=True)
         low, high = (1e3 * value for value in session.gripper.opening)
         self.opening = gui.add_slider("opening on the way in [mm], 0 = auto", 0.0, high, 0.5, 0.0)
         self._on(
@@ -140,12 +144,17 @@ class Page:
         self.axis = gui.add_text("axis at x, y [mm]", "0, 0")
         self._on(self.axis, lambda _: self._turn())
         self._button("new", lambda: self._new(None))
-        self._button("copy", lambda: self._new(self._selected))
-        self._button("delete", self._delete)
+        self._button("copy", lambda: self._new(self._selected), edits=True)
+        self._button("delete", self._delete, edits=True)
         self._button("save", self._save, color="green")
 
-    def _button(self, text: str, action: Callable[[], None], **options: Any) -> None:
-        self.server.gui.add_button(text, **options).on_click(lambda _: self._later(action))
+    def _button(self, text: str, action: Callable[[], None], *, edits: bool = False, **options: Any) -> None:
+        """A button; `edits`: what it does is meant for the grasp chosen at the click."""
+
+        def clicked(_):
+            self._later(action, grasp=self._selected if edits else None)
+
+        self.server.gui.add_button(text, **options).on_click(clicked)
 
     def _on(self, handle: Any, action: Callable[[Any], Any]) -> None:
         """Call `action` with the handle's value when a person changed it, not when a grasp was loaded."""
@@ -153,7 +162,7 @@ class Page:
         def changed(_):
             if not self._loading and self._selected is not None:
                 value = handle.value
-                self._later(lambda: action(value))
+                self._later(lambda: action(value), grasp=self._selected)
 
         handle.on_update(changed)
 
@@ -200,10 +209,7 @@ class Page:
         w, *xyz = (float(value) for value in self.controls.wxyz)
         rotation = Quaternion(w=w, xyz=(xyz[0], xyz[1], xyz[2])).matrix()
         pose = rigid(rotation, np.array(self.controls.position, dtype=float))
-        with self._lock:
-            # Only the last of many small moves matters.
-            self._pending = [action for action in self._pending if getattr(action, "drag", None) is None]
-        self._later(_Drag(self, pose))
+        self._later(lambda: self._measured(self.session.move, pose), grasp=self._selected, drag=True)
 
     def _measured(self, edit: Callable[..., Any], *arguments: Any, move: bool = False) -> None:
         edit(self._name(), *arguments)
@@ -254,13 +260,16 @@ class Page:
         self._draw_contacts(found.contacts)
         width = "-" if found.width is None else f"{1e3 * found.width:.1f} mm"
         turned = "" if grasp.symmetry is None else f", {len(grasp.symmetry.turns())} turns"
+        unseen = self.session.unseen
         self.status.content = (
             f"**{found.status.value}**: {found.reason}\n\nwidth {width}, arrives "
-            f"{1e3 * found.opening:.1f} mm open{turned}" + ("\n\n*unsaved*" if self.session.unsaved else "")
+            f"{1e3 * found.opening:.1f} mm open{turned}"
+            + ("\n\n*unsaved*" if self.session.unsaved else "")
+            + (f"\n\n*made on another canonical model, still to see: {', '.join(unseen)}*" if unseen else "")
         )
 
     def _draw_link(self, link: str, mesh: trimesh.Trimesh, colour: tuple[int, int, int]) -> None:
-        self._links[link] = self.server.scene.add_mesh_simple(
+        self.server.scene.add_mesh_simple(
             f"/gripper/{link}",
             np.asarray(mesh.vertices, np.float32),
             np.asarray(mesh.faces, np.uint32),
@@ -281,13 +290,16 @@ class Page:
             )
 
 
-class _Drag:
-    """A move of the gripper that a later one replaces."""
+@dataclass(frozen=True)
+class _Asked:
+    """What a person asked for, to be done at the next refresh.
 
-    drag = True
+    Args:
+        action: what to do.
+        grasp: for which it was asked, so that it is left undone once another is chosen; None: for any.
+        drag: whether it is a move of the gripper, which a later one replaces.
+    """
 
-    def __init__(self, page: Page, pose: np.ndarray):
-        self.page, self.pose = page, pose
-
-    def __call__(self) -> None:
-        self.page._measured(self.page.session.move, self.pose)
+    action: Callable[[], Any]
+    grasp: str | None
+    drag: bool

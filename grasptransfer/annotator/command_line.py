@@ -26,7 +26,7 @@ def annotate(
         host: address to serve at; 0.0.0.0 lets other machines in.
         port: to serve at.
     """
-    from grasptransfer.annotator import annotate as serve
+    from grasptransfer.annotator.browser import annotate as serve
 
     serve(category, gripper=gripper, path=grasps, host=host, port=port, on_ready=console.print)
     return 0

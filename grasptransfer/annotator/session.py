@@ -74,6 +74,7 @@ class Session:
         self.world = CollisionWorld(category.canonical)
         self.unsaved = False
         self._grasps: dict[str, Grasp] = {}
+        self._unseen: set[str] = set()
         if self.path.is_file():
             self._read()
 
@@ -86,6 +87,11 @@ class Session:
     def grasps(self) -> tuple[Grasp, ...]:
         """The grasps, in file order."""
         return tuple(self._grasps.values())
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Names of grasps of another canonical model that were neither measured nor moved on this one."""
+        return tuple(name for name in self.names if name in self._unseen)
 
     def grasp(self, name: str) -> Grasp:
         """One grasp by name.
@@ -123,6 +129,8 @@ class Session:
             return
         self._check_name(new)
         renamed = replace(grasp, name=new)
+        if name in self._unseen:
+            self._unseen.add(new)
         self._grasps = {renamed.name if key == name else key: renamed if key == name else value
                         for key, value in self._grasps.items()}  # fmt: skip
         self.unsaved = True
@@ -200,17 +208,24 @@ class Session:
             points, width, offset = self._touched(grasp.canonical_from_gripper, closer)
         seen = replace(grasp, contacts=points, width=grasp.width if width is None else width)
         check = check_grasps(on_canonical([seen]), self.world, self.gripper)[0]
+        self._unseen.discard(name)
         return Measurement(check.status, check.reason, check.opening, width, points, offset)
 
     def save(self) -> Path:
         """Write the grasp file. Comments that a person wrote into it are lost.
 
         Raises:
-            GraspFileError: there is no grasp.
+            GraspFileError: there is no grasp, or one of another canonical model that nobody looked at.
             SettingsError: the folder cannot be written.
         """
         if not self._grasps:
             raise GraspFileError("there is no grasp to save", path=self.path)
+        if self.unseen:
+            raise GraspFileError(
+                "its grasps were made on another canonical model",
+                path=self.path,
+                fix=f"Look at each before saving; still to see: {', '.join(self.unseen)}",
+            )
         known = self.gripper.path.stem == self.gripper.name
         save_grasps(
             self.grasps,
@@ -241,6 +256,10 @@ class Session:
                 fix="Name that gripper, or edit another file",
             )
         self._grasps = {grasp.name: grasp for grasp in file.grasps}
+        if file.canonical_sha256 not in (None, self.category.canonical_sha256):
+            for grasp in self.grasps:  # contacts of another model are none of this one
+                self._keep(grasp.name, replace(grasp, contacts=None))
+            self._unseen = set(self.names)
 
     def _keep(self, name: str, grasp: Grasp) -> None:
         """Store a grasp with the contacts and the width it has now."""
