@@ -15,7 +15,7 @@ from PIL import Image
 
 import grasptransfer as gt
 from grasptransfer.category import check_category
-from grasptransfer.category.build import build_category
+from grasptransfer.category.building import build_category
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.report.category_page import category_page
 from grasptransfer.report.contact_sheet import contact_sheet

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grasptransfer.category.build import build_category
-from grasptransfer.category.outcome import CategoryBuild
+from grasptransfer.category.building import CategoryBuild, build_category
 from grasptransfer.report.category_page import category_page
 
 

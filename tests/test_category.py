@@ -10,10 +10,10 @@ from PIL import Image
 
 from grasptransfer import shapes
 from grasptransfer.category import check_category, list_categories, load_category, objects_folder
-from grasptransfer.category.assemble import glb_of, write_category
+from grasptransfer.category.building.pictures import picture, png
+from grasptransfer.category.building.surface_points import visible_surface, voxel_filter, voxel_for
+from grasptransfer.category.building.writing import glb_of, write_category
 from grasptransfer.category.category import load_scene
-from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
-from grasptransfer.category.pictures import picture, png
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.errors import CategoryError
 from grasptransfer.registration import DeformationField, ShapeSpace

@@ -9,12 +9,12 @@ import trimesh
 from vases import build_vases, vase, write_vases
 
 from grasptransfer.category import check_category
-from grasptransfer.category.build import build_category
-from grasptransfer.category.carving import carved_surface
-from grasptransfer.category.orientation import agreed_turn, best_turn
-from grasptransfer.category.pcd import read_pcd
-from grasptransfer.category.sources import find_sources, frame_rotation, prepare
-from grasptransfer.category.tasks import thinned
+from grasptransfer.category.building import build_category
+from grasptransfer.category.building.carving import carved_surface
+from grasptransfer.category.building.cloud_files import read_pcd
+from grasptransfer.category.building.orientation import agreed_turn, best_turn
+from grasptransfer.category.building.sources import find_sources, frame_rotation, prepare
+from grasptransfer.category.building.tasks import thinned
 from grasptransfer.errors import CategoryError, MeshError, PointCloudError, SettingsError
 from grasptransfer.report.category_page import category_page
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from vases import cloud
 
-from grasptransfer.category.build import build_category
-from grasptransfer.category.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial, ranked
-from grasptransfer.category.learning import (
+from grasptransfer.category.building import build_category
+from grasptransfer.category.building.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial, ranked
+from grasptransfer.category.building.outcome import Candidate, CategoryBuild, Trial
+from grasptransfer.category.building.space_fit import (
     SMOOTH,
     InstanceFields,
     fit_space,
@@ -20,7 +21,6 @@ from grasptransfer.category.learning import (
     leave_out,
     loosened,
 )
-from grasptransfer.category.outcome import Candidate, CategoryBuild, Trial
 from grasptransfer.registration import DeformationField
 from grasptransfer.report.html_parts import pill
 
@@ -125,7 +125,7 @@ def compared(clouds, tmp_path_factory):
         return builds[-1]
 
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
-        patch.setattr("grasptransfer.category.build.build_category", build)
+        patch.setattr("grasptransfer.category.building.build_category", build)
         main = runpy.run_path(str(EXAMPLE))["main"]
         means = main([str(clouds), "--front", "+y", "--workers", "1", "--out", str(out)])
     return Compared(builds, means, printed.getvalue(), out)

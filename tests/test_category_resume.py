@@ -16,7 +16,7 @@ from grasptransfer.errors import CategoryError
 # Killed as a machine would: no clean-up of its own. `write` is killed with the older folder in its hands.
 KILLED = """
 import os, signal, sys
-from grasptransfer.category import assemble
+from grasptransfer.category.building import writing
 from vases import build_vases
 
 def die(*_):
@@ -29,7 +29,7 @@ def between(staging, folder, replaced):
 if __name__ == "__main__":
     meshes, out, step = sys.argv[1:]
     if step == "write":
-        assemble._put_in_place = between
+        writing._put_in_place = between
     progress = lambda state: die() if state.step == step == "register" and state.done == 2 else None
     given = {"finish": die} if step == "page" else {"progress": progress, "overwrite": True}
     build_vases(meshes, out, **given)

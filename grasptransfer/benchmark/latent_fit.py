@@ -21,8 +21,8 @@ from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.benchmark.document import document
-from grasptransfer.category.pcd import read_pcd, read_xyz
-from grasptransfer.category.sources import find_sources
+from grasptransfer.category.building.cloud_files import read_pcd, read_xyz
+from grasptransfer.category.building.sources import find_sources
 from grasptransfer.errors import CategoryError
 from grasptransfer.registration import PreparedSource, ShapeSpace, cpd_all, latent_fit
 from grasptransfer.registration.blas_threads import single_blas_thread

@@ -93,7 +93,7 @@ def build(
         workers: processes.
         overwrite: replace an existing folder, keeping its grasps.
     """
-    from grasptransfer.category.build import build_category
+    from grasptransfer.category.building import build_category
     from grasptransfer.report.category_page import category_page
 
     with progress_bar(console) as progress:

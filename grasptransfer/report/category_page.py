@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from grasptransfer.category.building.outcome import CategoryBuild, Registration
+from grasptransfer.category.building.pictures import picture, scatter
+from grasptransfer.category.building.space_fit import SMOOTH
 from grasptransfer.category.category import Category
-from grasptransfer.category.learning import SMOOTH
-from grasptransfer.category.outcome import CategoryBuild, Registration
-from grasptransfer.category.pictures import picture, scatter
 from grasptransfer.files import write_whole
 from grasptransfer.report.html_parts import facts, figure, jpeg_uri, pill, section, table
 
@@ -31,7 +31,7 @@ def category_page(build: CategoryBuild, path: str | Path) -> Path:
     """Write the page of `build` as one self-contained HTML file.
 
     Args:
-        build: of `category.build.build_category`.
+        build: of `category.building.build_category`.
         path: of the file.
     """
     path = Path(path)

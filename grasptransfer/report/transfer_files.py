@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 from grasptransfer.camera import Camera
-from grasptransfer.category.sources import MESHES
+from grasptransfer.category.building.sources import MESHES
 from grasptransfer.errors import ImageError, MeshError, SettingsError
 from grasptransfer.files import writing
 from grasptransfer.frames import invert

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
+from grasptransfer.category.building.surface_points import visible_surface, voxel_filter, voxel_for
 from grasptransfer.shapes.correspondence import locator
 from grasptransfer.shapes.shape import Shape
 

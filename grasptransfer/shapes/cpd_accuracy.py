@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from grasptransfer.category.clouds import visible_surface
-from grasptransfer.category.tasks import TARGET_POINTS, thinned
+from grasptransfer.category.building.surface_points import visible_surface
+from grasptransfer.category.building.tasks import TARGET_POINTS, thinned
 from grasptransfer.registration import PreparedSource, cpd
 from grasptransfer.shapes import sample
 from grasptransfer.shapes.canonical_surface import CanonicalSurface

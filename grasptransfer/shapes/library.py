@@ -18,7 +18,7 @@ import tyro
 from PIL import Image
 from tyro.conf import Positional
 
-from grasptransfer.category.assemble import glb_of, write_category
+from grasptransfer.category.building.writing import glb_of, write_category
 from grasptransfer.category.category import Category, objects_folder
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.errors import CategoryError, GraspTransferError

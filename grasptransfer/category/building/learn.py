@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.category.choices import (
+from grasptransfer.category.building.choices import (
     Canonical,
     Chosen,
     Options,
@@ -15,12 +15,12 @@ from grasptransfer.category.choices import (
     fields_of,
     register,
 )
-from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
-from grasptransfer.category.learning import Distances, InstanceFields
-from grasptransfer.category.orientation import agreed_turn
-from grasptransfer.category.outcome import Candidate, Registration, Trial
-from grasptransfer.category.tasks import COMPARED_POINTS, learn, mesh_of, thinned
-from grasptransfer.category.workshop import Arrays, Workshop
+from grasptransfer.category.building.orientation import agreed_turn
+from grasptransfer.category.building.outcome import Candidate, Registration, Trial
+from grasptransfer.category.building.space_fit import Distances, InstanceFields
+from grasptransfer.category.building.surface_points import visible_surface, voxel_filter, voxel_for
+from grasptransfer.category.building.tasks import COMPARED_POINTS, learn, mesh_of, thinned
+from grasptransfer.category.building.workshop import Arrays, Workshop
 from grasptransfer.registration import Metric, ShapeSpace
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.category.learning import InstanceFields
-from grasptransfer.category.outcome import Candidate, Trial
-from grasptransfer.category.tasks import (
+from grasptransfer.category.building.outcome import Candidate, Trial
+from grasptransfer.category.building.space_fit import InstanceFields
+from grasptransfer.category.building.tasks import (
     COMPARED_POINTS,
     FITTED_POINTS,
     compare_candidate,
@@ -16,7 +16,7 @@ from grasptransfer.category.tasks import (
     register_instance,
     thinned,
 )
-from grasptransfer.category.workshop import Arrays, Workshop
+from grasptransfer.category.building.workshop import Arrays, Workshop
 from grasptransfer.errors import SettingsError
 from grasptransfer.registration import Metric
 

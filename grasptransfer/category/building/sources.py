@@ -8,9 +8,9 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from grasptransfer.category.carving import carved_surface
+from grasptransfer.category.building.carving import carved_surface
+from grasptransfer.category.building.cloud_files import read_pcd, read_xyz
 from grasptransfer.category.check import LARGEST, SMALLEST
-from grasptransfer.category.pcd import read_pcd, read_xyz
 from grasptransfer.errors import CategoryError, MeshError, SettingsError
 
 MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")

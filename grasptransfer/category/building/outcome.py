@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.category.building.orientation import Turn
+from grasptransfer.category.building.space_fit import Distances
 from grasptransfer.category.category import Category
-from grasptransfer.category.learning import Distances
-from grasptransfer.category.orientation import Turn
 
 
 @dataclass(frozen=True)

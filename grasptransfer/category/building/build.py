@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from grasptransfer.category.assemble import write_category
+from grasptransfer.category.building.choices import Options
+from grasptransfer.category.building.learn import LearntCategory, learn_category
+from grasptransfer.category.building.outcome import CategoryBuild
+from grasptransfer.category.building.sources import Source, find_sources, frame_rotation
+from grasptransfer.category.building.space_fit import FEWEST
+from grasptransfer.category.building.tasks import prepare_instance
+from grasptransfer.category.building.workshop import Arrays, Progress, Workshop
+from grasptransfer.category.building.writing import write_category
 from grasptransfer.category.category import Category
-from grasptransfer.category.choices import Options
-from grasptransfer.category.learning import FEWEST
-from grasptransfer.category.learnt import LearntCategory, learn_category
-from grasptransfer.category.outcome import CategoryBuild
 from grasptransfer.category.settings import FILE_NAME, NAME, Settings, Split
-from grasptransfer.category.sources import Source, find_sources, frame_rotation
-from grasptransfer.category.tasks import prepare_instance
-from grasptransfer.category.workshop import Arrays, Progress, Workshop
 from grasptransfer.errors import CategoryError, SettingsError
 from grasptransfer.files import sha256, write_whole
 from grasptransfer.registration import Metric

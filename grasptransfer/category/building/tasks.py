@@ -7,9 +7,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from grasptransfer.category.assemble import glb_of
-from grasptransfer.category.clouds import visible_surface, voxel_filter, voxel_for
-from grasptransfer.category.learning import (
+from grasptransfer.category.building.sources import prepare
+from grasptransfer.category.building.space_fit import (
     Distances,
     InstanceFields,
     explained_variance,
@@ -18,8 +17,9 @@ from grasptransfer.category.learning import (
     leave_out,
     loosened,
 )
-from grasptransfer.category.sources import prepare
-from grasptransfer.category.workshop import Arrays
+from grasptransfer.category.building.surface_points import visible_surface, voxel_filter, voxel_for
+from grasptransfer.category.building.workshop import Arrays
+from grasptransfer.category.building.writing import glb_of
 from grasptransfer.registration import DeformationField, Metric, PreparedSource, cpd
 
 DENSE_POINTS = 4000  # of an instance, to measure distances by

@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from grasptransfer.category.building.pictures import picture, png, sheet
 from grasptransfer.category.category import (
     CANONICAL,
     FIELDS,
@@ -18,7 +19,6 @@ from grasptransfer.category.category import (
     load_category,
     load_scene,
 )
-from grasptransfer.category.pictures import picture, png, sheet
 from grasptransfer.category.settings import CategoryFile, Settings, Split, software_versions
 from grasptransfer.errors import CategoryError
 from grasptransfer.files import sha256, write_whole
