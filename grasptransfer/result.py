@@ -30,7 +30,8 @@ class TransferredGrasp:
         canonical_from_gripper: (4, 4) the annotated TCP [m].
         width: distance between the pads when they touch [m].
         opening: distance between the pads on the way in [m].
-        score: expected success in [0, 1].
+        score: expected success in [0, 1], over the shapes and the poses near the told one that the picture
+            leaves possible, times the chance that it shows the category at all.
         status: outcome of the checks; `usable` says whether to execute it.
         reason: one sentence.
         approach_distance: of the straight way in, along +z to the TCP [m].
@@ -69,7 +70,7 @@ class TransferResult:
         camera_from_object: (4, 4) the pose, refined where the estimator does that.
         latent, latent_covariance: shape-space coordinates and their posterior covariance, or None.
         mask: (h, w) pixels of the object, the told mask or else the predicted one, or None.
-        category_score: 1 = fits the category, 0 = does not.
+        category_score: 1 = fits the category, 0 = does not; None where the estimator does not judge it.
         status: outcome of the shape estimate.
         timings: seconds per stage.
         category, gripper: loaded.
@@ -84,7 +85,7 @@ class TransferResult:
     latent: Float[np.ndarray, " k"] | None
     latent_covariance: Float[np.ndarray, "k k"] | None
     mask: Bool[np.ndarray, "h w"] | None
-    category_score: float
+    category_score: float | None
     status: EstimateStatus
     timings: dict[str, float]
     category: Category

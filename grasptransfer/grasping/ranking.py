@@ -121,18 +121,28 @@ def _logistic(odds: np.ndarray) -> np.ndarray:
 
 
 def doubt_unlikely(
-    checks: Sequence[GraspCheck], scores: Sequence[float], *, least_chance: float = Ranking.least_chance
+    checks: Sequence[GraspCheck],
+    scores: Sequence[float],
+    *,
+    trust: float = 1.0,
+    least_chance: float = Ranking.least_chance,
 ) -> list[GraspCheck]:
-    """The checks, with grasps that are reached but unlikely to hold made unusable, and the reason why."""
+    """The checks, with grasps that are reached but unlikely to hold made unusable, and the reason why.
+
+    Args:
+        trust: chance that the picture shows the category, which the scores contain.
+    """
     return [
-        replace(check, status=CheckStatus.UNLIKELY_TO_HOLD, reason=_doubt(score))
+        replace(check, status=CheckStatus.UNLIKELY_TO_HOLD, reason=_doubt(score, trust))
         if check.usable and score < least_chance
         else check
         for check, score in zip(checks, scores, strict=True)
     ]
 
 
-def _doubt(score: float) -> str:
+def _doubt(score: float, trust: float) -> str:
+    if trust < 0.5:
+        return f"expected success {score:.0%}: the picture hardly shows this category at the told pose"
     return f"expected success {score:.0%} over the shapes and poses that the picture leaves possible"
 
 

@@ -12,6 +12,8 @@ from jaxtyping import Bool, Float
 from grasptransfer.perception.observation import Observation
 from grasptransfer.registration import DeformationField
 
+TOLD_RIGHT = 0.95  # share of the pictures that show the category they are said to show
+
 
 class EstimateStatus(enum.Enum):
     """Outcome of a shape estimate; `advice` says what to do about it."""
@@ -41,7 +43,8 @@ class ShapeEstimate:
         covariance: (6 + k, 6 + k) joint posterior of turn about the object's origin [rad] and shift [m],
             camera axes, and `latent`; 0 where a pose was taken as told.
         mask: (h, w) pixels of the object: the told mask, or else the predicted one.
-        category_score: 1 = fits the category, 0 = does not.
+        category_score: chance that the object is of the category, had own objects and strangers been alike
+            likely before, in [0, 1]; None where the estimator does not judge it.
         status: outcome.
         timings: seconds per stage.
     """
@@ -51,9 +54,17 @@ class ShapeEstimate:
     latent: Float[np.ndarray, "k"] | None = None
     covariance: Float[np.ndarray, "s s"] | None = None
     mask: Bool[np.ndarray, "h w"] | None = None
-    category_score: float = 1.0
+    category_score: float | None = None
     status: EstimateStatus = EstimateStatus.OK
     timings: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def trust(self) -> float:
+        """Chance that the object is of the told category: that is mostly right, before one looks."""
+        if self.category_score is None:
+            return 1.0
+        own, stranger = TOLD_RIGHT * self.category_score, (1 - TOLD_RIGHT) * (1 - self.category_score)
+        return own / (own + stranger)
 
     @property
     def latent_covariance(self) -> Float[np.ndarray, "k k"] | None:

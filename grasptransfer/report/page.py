@@ -106,11 +106,11 @@ def _summary(result: "TransferResult", trials: Sequence) -> str:
     if result.usable:
         best = result.usable[0]
         lead += f" Best grasp: {best.name}, expected success {best.score:.0%}."
-    fits = result.status.value == "ok"
+    fits, fit = result.status.value == "ok", result.category_score
     pairs = [
         ("category", escape(result.category.name)),
         ("shape", pill(result.status.value.replace("_", " "), "good" if fits else "bad")),
-        ("fits the category", f"{result.category_score:.0%}"),
+        ("fits the category", "not judged" if fit is None else f"{fit:.0%}"),
         ("gripper", escape(result.gripper.name)),
         ("pose refined by", _pose_change(result)),
     ]

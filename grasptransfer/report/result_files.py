@@ -82,7 +82,7 @@ def as_data(result: "TransferResult") -> dict:
         "gripper": result.gripper.name,
         "status": result.status.value,
         "advice": result.status.advice,
-        "category_score": round(float(result.category_score), 4),
+        "category_score": None if result.category_score is None else round(result.category_score, 4),
         "length_unit": "m",
         "image": {
             "width": observation.camera.width,
