@@ -54,7 +54,7 @@ def train(
     shipped weights.
 
     Args:
-        categories: trained together; none given: all shipped ones.
+        categories: names or folders, trained together; none given: all shipped ones.
         run: folder of data, checkpoints and logs.
         output: weight file; default: objects/models/<categories>.safetensors.
         network: see `grasptransfer.perception.networks`.
@@ -74,9 +74,9 @@ def train(
     from grasptransfer.perception.model_card import default_output
     from grasptransfer.perception.training import TrainingConfig
 
-    names = tuple(load_category(name).name for name in categories or list_categories())
+    loaded = tuple(load_category(category) for category in categories or list_categories())
     config = TrainingConfig(
-        names,
+        loaded,
         network,
         members=members,
         loss=loss,
@@ -87,7 +87,7 @@ def train(
         learning_rate=learning_rate,
         seed=seed,
     )
-    output = output or default_output(names)
+    output = output or default_output(loaded)
     _check_choices(config)
     _check_numbers(config, workers)
     _check_places(run, output)
@@ -123,6 +123,7 @@ def _train_with_progress(
         fitting = progress.add_task("fitting confidence", total=None)
         confidence = fit_confidence(
             output,
+            config.categories,
             seed=config.seed + HELD_OUT_SEED,
             progress=lambda done, total: progress.update(fitting, completed=done, total=total),
         )
@@ -135,7 +136,7 @@ def _check_choices(config: "TrainingConfig") -> None:
     from grasptransfer.perception.losses import LOSSES
     from grasptransfer.perception.networks import network_names
 
-    names = config.categories
+    names = [category.name for category in config.categories]
     if len(set(names)) < len(names):
         raise SettingsError("names one category twice", key="categories", value=names)
     for key, choices in (("network", network_names()), ("loss", LOSSES)):

@@ -183,6 +183,24 @@ def test_training_has_the_same_defaults_on_the_command_line_and_in_the_library()
     assert {name: command[name] for name in shared} == {name: library[name] for name in shared}
 
 
+def test_a_folder_is_trained_on_and_not_the_shipped_category_of_its_name(tmp_path, capsys, monkeypatch):
+    from grasptransfer.perception import training
+
+    class Trained(Exception):
+        pass
+
+    def stop(config, **_):
+        raise Trained(config)
+
+    monkeypatch.setattr(training, "train", stop)
+    folder = tmp_path / "mycup"
+    shutil.copytree(load_category("mug").folder, folder)
+    with pytest.raises(Trained) as stopped:
+        main(["train", str(folder), "bottle", "--run", str(tmp_path / "run")])
+    (config,) = stopped.value.args
+    assert [category.folder for category in config.categories] == [folder, load_category("bottle").folder]
+
+
 def test_the_installed_command_runs():
     done = subprocess.run(
         [sys.executable, "-m", "grasptransfer", "--help"], capture_output=True, text=True, check=True

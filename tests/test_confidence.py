@@ -55,12 +55,14 @@ def test_nothing_is_less_sure_than_the_shape_space():
 def test_fitting_keeps_the_network_and_writes_the_confidence_beside_it(tmp_path):
     torch.manual_seed(0)
     path = tmp_path / "mug.safetensors"
-    checksum = load_category("mug").canonical_sha256
-    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": checksum}))
+    mug = load_category("mug")
+    save_weights(
+        path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": mug.canonical_sha256})
+    )
     before, info = load_weights(path)
     assert info.confidence == Confidence()
     done = []
-    confidence = fit_confidence(path, pictures=2, progress=lambda *state: done.append(state))
+    confidence = fit_confidence(path, [mug], pictures=2, progress=lambda *state: done.append(state))
     after, info = load_weights(path)
     assert done == [(1, 4), (2, 4), (3, 4), (4, 4)]
     assert info.confidence.as_data() == confidence.as_data()

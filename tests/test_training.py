@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from grasptransfer.category import load_category
 from grasptransfer.errors import SettingsError, WeightsError
 from grasptransfer.perception import dataset as dataset_module
 from grasptransfer.perception import training as training_module
@@ -27,7 +28,8 @@ from grasptransfer.perception.training import TrainingConfig, train
 from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
 from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights
 
-CONFIG = DatasetConfig(("mug",), samples=4, seed=3, backgrounds=2, sprites=2)
+MUG = load_category("mug")
+CONFIG = DatasetConfig((MUG,), samples=4, seed=3, backgrounds=2, sprites=2)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +48,7 @@ def _build(parent):
     # In this process: the shortened shard length would not reach a spawned one.
     target = parent / CONFIG.digest()
     target.mkdir()
-    (target / "config.json").write_text(json.dumps(dataclasses.asdict(CONFIG)))
+    (target / "config.json").write_text(json.dumps(CONFIG.as_data()))
     dataset_module._write_sprites(CONFIG, target)
     dataset_module._write_backgrounds(CONFIG, target)
     dataset_module._write_shard(CONFIG, target, 0)
@@ -71,9 +73,9 @@ def test_a_complete_data_set_is_not_rendered_again(folder):
 
 
 def test_true_motion_of_an_unmoved_canonical_is_zero():
-    canonical = training_canonical("mug")
+    canonical = training_canonical(MUG)
     rng = np.random.default_rng(0)
-    shape = draw_training_shape("mug", rng)
+    shape = draw_training_shape(canonical, rng)
     rest = canonical.mesh.vertices
     still = dataclasses.replace(
         shape, scene=canonical.mesh, vertices=rest, move=lambda p, f: (p, np.ones(len(p), bool))
@@ -97,10 +99,10 @@ def test_the_input_has_eight_channels_and_an_untold_box_is_empty():
 
 
 def test_the_latent_of_a_training_shape_explains_its_motion():
-    canonical = training_canonical("mug")
+    canonical = training_canonical(MUG)
     far, left = [], []
     for seed in range(5):
-        shape = draw_training_shape("mug", np.random.default_rng(seed))
+        shape = draw_training_shape(canonical, np.random.default_rng(seed))
         moved, known = _moved_vertices(shape, canonical)
         mean_shape = canonical.vertices(np.zeros(canonical.n_modes))
         far.append(np.linalg.norm((moved - mean_shape)[known], axis=1).mean())
@@ -239,10 +241,9 @@ def test_missing_weights_say_how_to_train_them(tmp_path):
 
 
 def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monkeypatch):
-    config = TrainingConfig(("mug",), samples=4, held_out=4, members=1, steps=4, batch=2)
+    config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=4, batch=2)
     data = Dataset(folder)
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
-    monkeypatch.setattr(training_module, "load_category", lambda name: _Canonical())
     monkeypatch.setattr(training_module, "CHECKPOINT_STEPS", 1)
     whole = train(config, run_folder=tmp_path / "whole", output=tmp_path / "a.safetensors", device="cpu")
 
@@ -266,11 +267,10 @@ def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monke
 def test_a_prolonged_run_ends_as_one_started_for_that_length(folder, tmp_path, monkeypatch):
     data = Dataset(folder)
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
-    monkeypatch.setattr(training_module, "load_category", lambda name: _Canonical())
     monkeypatch.setattr(training_module, "CHECKPOINT_STEPS", 1)
 
     def run(name, steps, members):
-        config = TrainingConfig(("mug",), samples=4, held_out=4, members=members, steps=steps, batch=2)
+        config = TrainingConfig((MUG,), samples=4, held_out=4, members=members, steps=steps, batch=2)
         return train(
             config, run_folder=tmp_path / name, output=tmp_path / f"{name}.safetensors", device="cpu"
         )
@@ -289,14 +289,14 @@ def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypat
     member = training_module.member_folder(tmp_path / "run", 0)
     member.mkdir(parents=True)
     torch.save({"config": json.dumps({"steps": 2, "seed": 1})}, member / "checkpoint.pt")
-    config = TrainingConfig(("mug",), samples=4, held_out=4, members=1, steps=2, batch=2)
+    config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
     with pytest.raises(SettingsError, match="other settings"):
         train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
 
 
 @pytest.mark.parametrize("members", [1, 2])
 def test_a_card_states_each_member_and_how_far_another_training_may_end_from_them(members, tmp_path):
-    config = TrainingConfig(("mug",), members=members, steps=7, seed=5)
+    config = TrainingConfig((MUG,), members=members, steps=7, seed=5)
     scores = {"offset_mm": 6.0, "flow_px": 4.0, "shape_mm": 7.0, "iou": 0.9, "match": 0.99}
     every = [scores | {"offset_mm": offset} for offset in (5.5, 6.0, 6.4)]
     for number in range(members):
@@ -334,18 +334,13 @@ from pathlib import Path
 
 import torch
 
+from grasptransfer.category import load_category
 from grasptransfer.perception import training
 from grasptransfer.perception.dataset import Dataset
-
-
-class Canonical:
-    canonical_sha256 = "abc"
-
 
 torch.set_num_threads(1)
 data, out = Dataset(Path(sys.argv[1])), Path(sys.argv[2])
 training._data_sets = lambda *_: (data, data)
-training.load_category = lambda name: Canonical()
 batches = []
 whole_batch = training._Run.batch_of
 
@@ -357,12 +352,8 @@ def batch_of(run, number, dataset):
 
 
 training._Run.batch_of = batch_of
-config = training.TrainingConfig(("mug",), samples=4, held_out=4, members=2, steps=2, batch=2)
+config = training.TrainingConfig((load_category("mug"),), samples=4, held_out=4, members=2, steps=2, batch=2)
 scores, _ = training.train(config, run_folder=out / "run", output=out / "w.safetensors", device="cpu")
 result = {"scores": scores, "batch": batches[0]}
 (out / f"rank_{os.environ['RANK']}.json").write_text(json.dumps(result))
 """
-
-
-class _Canonical:
-    canonical_sha256 = "abc"

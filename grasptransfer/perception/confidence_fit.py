@@ -1,6 +1,6 @@
 """Fit `Confidence` to a trained network: on shapes that no training saw, and on objects of other kinds."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 
 from grasptransfer import shapes
-from grasptransfer.category import load_category
+from grasptransfer.category import Category
 from grasptransfer.perception.backgrounds import draw_backdrop
 from grasptransfer.perception.confidence import Confidence, Evidence
 from grasptransfer.perception.observation import Observation
@@ -18,7 +18,7 @@ from grasptransfer.perception.random_objects import draw_random_object
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.scenes import draw_camera, draw_lighting, draw_pose, towards
-from grasptransfer.perception.training_shapes import draw_training_shape
+from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
 from grasptransfer.perception.weights import load_weights, save_weights
 
 OCCLUDED = 0.25  # share of the pictures
@@ -44,6 +44,7 @@ class Seen:
 
 def fit_confidence(
     weights: Path,
+    categories: Sequence[Category],
     *,
     pictures: int = 40,
     seed: int = 0,
@@ -52,16 +53,17 @@ def fit_confidence(
     """Fit the confidence of a weight file to pictures, and write it into the file.
 
     Args:
+        categories: that it was trained on.
         pictures: of own shapes, and as many of strangers, for each category.
         seed: of shapes, pictures and strangers.
         progress: called with (pictures done, in all).
     """
     ensemble, info = load_weights(weights)
-    total = 2 * pictures * len(info.categories)
+    total = 2 * pictures * len(categories)
     seen: list[Seen] = []
-    for number, name in enumerate(info.categories):
+    for number, category in enumerate(categories):
         rng = np.random.default_rng([seed, 5, number])
-        for one in _look_at_objects(name, weights, pictures, rng):
+        for one in _look_at_objects(category, weights, pictures, rng):
             seen.append(one)
             if progress:
                 progress(len(seen), total)
@@ -89,21 +91,23 @@ def fit_overconfidence(seen: list[Seen]) -> float:
     return float(max(np.quantile(np.abs(errors), INTERVAL) / NORMAL_90, 1.0) ** 2)
 
 
-def _look_at_objects(name: str, weights: Path, pictures: int, rng: np.random.Generator) -> Iterator[Seen]:
-    category = load_category(name)
+def _look_at_objects(
+    category: Category, weights: Path, pictures: int, rng: np.random.Generator
+) -> Iterator[Seen]:
+    canonical = training_canonical(category)
     with Renderer() as renderer:
         estimator = RgbEstimator(category, renderer=renderer, weights=weights, refine_pose=False)
         estimator.confidence = replace(estimator.confidence, overconfidence=1.0)
         reach = _reach(category.canonical.bounds)
         for _ in range(pictures):
-            shape = draw_training_shape(name, rng)
+            shape = draw_training_shape(canonical, rng)
             estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng, reach))
             assert estimate.latent is not None
             assert estimate.latent_covariance is not None
             known = len(shape.latent)
             deviations = np.sqrt(np.diag(estimate.latent_covariance))[:known]
             yield Seen(True, evidence, (estimate.latent[:known] - shape.latent) / deviations)
-        for stranger in _strangers(name, pictures, rng):
+        for stranger in _strangers(category.name, pictures, rng):
             yield Seen(False, estimator.assess(_picture_of(stranger, renderer, rng, reach))[1])
 
 

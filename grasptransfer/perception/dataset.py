@@ -5,7 +5,7 @@ import json
 import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int, UInt8
 
+from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.backgrounds import draw_background
 from grasptransfer.perception.samples import Sample
@@ -28,14 +29,14 @@ class DatasetConfig:
     """What a data set holds; two data sets of equal config are equal but for the renderer's rounding.
 
     Args:
-        categories: names of the categories, cycled shape by shape.
+        categories: cycled shape by shape.
         samples: how many, rounded up to whole shards.
         seed: of everything random.
         backgrounds: pictures in the background bank.
         sprites: cut-out objects that serve as clutter, occluders and objects of another category.
     """
 
-    categories: tuple[str, ...]
+    categories: tuple[Category, ...]
     samples: int = 20_000
     seed: int = 0
     backgrounds: int = 2000
@@ -46,9 +47,14 @@ class DatasetConfig:
         """Number of shard files."""
         return -(-self.samples // SHARD)
 
+    def as_data(self) -> dict:
+        """The settings as plain names and numbers."""
+        data = {field.name: getattr(self, field.name) for field in fields(self)}
+        return data | {"categories": [category.name for category in self.categories]}
+
     def digest(self) -> str:
         """Short checksum of the settings."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
+        return hashlib.sha256(json.dumps(self.as_data(), sort_keys=True).encode()).hexdigest()[:12]
 
 
 def build_dataset(
@@ -66,7 +72,7 @@ def build_dataset(
     """
     target = folder / config.digest()
     target.mkdir(parents=True, exist_ok=True)
-    (target / "config.json").write_text(json.dumps(asdict(config), indent=1))
+    (target / "config.json").write_text(json.dumps(config.as_data(), indent=1))
     tasks: list[Callable[[], None]] = []
     if not (target / "sprites.npy").exists():
         _write_sprites(config, target)
@@ -134,15 +140,14 @@ def _write_shard(config: DatasetConfig, target: Path, index: int):
     from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
 
     rng = np.random.default_rng([config.seed, 1, index])
-    names = config.categories
-    canonicals = [training_canonical(name) for name in names]
+    canonicals = [training_canonical(category) for category in config.categories]
     samples: list[Sample] = []
     turn = index
     with Renderer() as renderer:
         while len(samples) < SHARD:
-            which = turn % len(names)
+            which = turn % len(canonicals)
             turn += 1
-            shape = draw_training_shape(names[which], rng)
+            shape = draw_training_shape(canonicals[which], rng)
             views = (
                 render_sample(shape, canonicals[which], rng, renderer=renderer, category=which)
                 for _ in range(VIEWS_PER_SHAPE)

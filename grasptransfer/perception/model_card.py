@@ -2,13 +2,14 @@
 
 import csv
 import os
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from grasptransfer.category import objects_folder
+from grasptransfer.category import Category, objects_folder
 from grasptransfer.files import write_whole
 from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.networks import build_network
@@ -25,9 +26,10 @@ MEASURES = (  # of `training.Scores`: key, name, format
 )
 
 
-def default_output(categories: tuple[str, ...]) -> Path:
+def default_output(categories: Sequence[Category]) -> Path:
     """Where the weights of a network for these categories go."""
-    return objects_folder() / "models" / f"{'-'.join(sorted(categories))}.safetensors"
+    names = sorted(category.name for category in categories)
+    return objects_folder() / "models" / f"{'-'.join(names)}.safetensors"
 
 
 def write_card(
@@ -104,7 +106,7 @@ def _what_it_is(config: TrainingConfig, hours: float) -> str:
     )
     return f"""\
 {config.members} networks `{config.network}` ({parameters / 1e6:.1f} M parameters each, stored in half \
-precision), whose mean is the answer, for: {", ".join(config.categories)}.
+precision), whose mean is the answer, for: {", ".join(category.name for category in config.categories)}.
 
 - **Input**: observed RGB and its box, coordinates and mask of the model as assumed so far (pose and \
 latent), zoomed to 256 x 192.
@@ -116,7 +118,16 @@ photograph and no scan was used, but for the ImageNet pictures behind the pictur
 (EfficientNet-Lite0, kept as it is).
 - **Seed**: {config.seed} (member i: {config.seed} + i); held-out shapes: seed {config.seed + HELD_OUT_SEED}.
 - **Training**: {config.steps} steps of {config.batch} each, {hours:.2f} h in all on {_device()}, bfloat16.
-- **Command**: `grasptransfer train {" ".join(config.categories)} {options}`"""
+- **Command**: `grasptransfer train {_given(config.categories)} {options}`"""
+
+
+def _given(categories: Sequence[Category]) -> str:
+    """The categories as the command takes them: shipped ones by name, others by folder."""
+    shipped = objects_folder()
+    return shlex.join(
+        category.name if category.folder == shipped / category.name else str(category.folder)
+        for category in categories
+    )
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -5,14 +5,14 @@ import json
 import os
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch.nn.parallel import DistributedDataParallel
 
-from grasptransfer.category import load_category
+from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.augmentation import Inputs, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
@@ -48,7 +48,7 @@ class TrainingConfig:
         seed: of everything random; member i begins and draws its batches with seed + i.
     """
 
-    categories: tuple[str, ...]
+    categories: tuple[Category, ...]
     network: str = "compact"
     members: int = 2
     loss: str = "likelihood"
@@ -111,7 +111,7 @@ def train(
         members.append(run.network)
     ensemble = Ensemble(members)
     if rank == 0:
-        checksums = {name: load_category(name).canonical_sha256 for name in config.categories}
+        checksums = {category.name: category.canonical_sha256 for category in config.categories}
         save_weights(output, ensemble, WeightsInfo(config.network, checksums))
     alone = [evaluate(member, held_out_set, config) for member in members]
     return evaluate(ensemble, held_out_set, config), alone
@@ -242,7 +242,8 @@ class _Run:
 
     def _settings(self) -> dict:
         """What this member depends on: how many others there are does not matter."""
-        settings = asdict(self.config) | {"seed": self.seed}
+        settings = {field.name: getattr(self.config, field.name) for field in fields(self.config)}
+        settings |= {"categories": [category.name for category in self.config.categories], "seed": self.seed}
         del settings["members"]
         return settings
 

@@ -3,13 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
 from grasptransfer import shapes
-from grasptransfer.category import Category, load_category
+from grasptransfer.category import Category, list_categories, load_category
+from grasptransfer.category.category import SHAPE_SPACE
 from grasptransfer.perception.networks import LATENT_SIZE
 from grasptransfer.registration.posterior import LatentPosterior
 
@@ -48,10 +50,14 @@ class TrainingCanonical:
     """The canonical model that the training shapes of a category move, and how its space displaces it.
 
     Args:
+        category: whose model it is.
+        parametric: whether the category's shapes come from a generator, not from its meshes.
         mesh: geometry whose faces the training shapes move [m].
         model: mean and basis of the displacement of its vertices [m], at most `LATENT_SIZE` modes.
     """
 
+    category: Category
+    parametric: bool
     mesh: trimesh.Trimesh
     model: Model
 
@@ -78,28 +84,40 @@ class TrainingCanonical:
         return LatentPosterior.of(mean[chosen], basis[chosen], displacements[chosen], LATENT_NOISE).mean
 
 
-@lru_cache(maxsize=8)
-def training_canonical(name: str) -> TrainingCanonical:
+def has_generator(category: Category) -> bool:
+    """Whether the category is the shipped one of a parametric model, not merely its namesake."""
+    if category.name not in shapes.generators() or category.name not in list_categories():
+        return False
+    return category.canonical_sha256 == load_category(category.name).canonical_sha256
+
+
+def training_canonical(category: Category) -> TrainingCanonical:
     """The canonical model of a category, for training."""
-    category = load_category(name)
-    mesh = shapes.canonical(name).mesh() if name in shapes.generators() else category.canonical
+    return _canonical(category.folder, category.canonical_sha256, category.file.checksums.get(SHAPE_SPACE))
+
+
+@lru_cache(maxsize=8)
+def _canonical(folder: Path, *_checksums: str | None) -> TrainingCanonical:
+    # The checksums tell a category that was built again from what is kept here.
+    category = load_category(folder)
+    parametric = has_generator(category)
+    mesh = shapes.canonical(category.name).mesh() if parametric else category.canonical
     mean, basis = category.shape_space.displacement_model(np.asarray(mesh.vertices))
-    return TrainingCanonical(mesh, (mean, basis[..., :LATENT_SIZE]))
+    return TrainingCanonical(category, parametric, mesh, (mean, basis[..., :LATENT_SIZE]))
 
 
-def draw_training_shape(name: str, rng: np.random.Generator) -> TrainingShape:
+def draw_training_shape(canonical: TrainingCanonical, rng: np.random.Generator) -> TrainingShape:
     """A random training instance: a new parametric shape where there is a generator, else a train mesh."""
     rho = float(rng.choice(RHOS, p=RHO_SHARES))
-    if name in shapes.generators():
-        return _parametric(name, int(rng.integers(2**31)), rho)
-    category = load_category(name)
-    return _of_instance(category, int(rng.integers(len(category.train))), rho)
+    if canonical.parametric:
+        return _parametric(canonical, int(rng.integers(2**31)), rho)
+    return _of_instance(canonical, int(rng.integers(len(canonical.category.train))), rho)
 
 
-def _parametric(name: str, seed: int, rho: float) -> TrainingShape:
-    canonical = shapes.canonical(name)
-    sample = shapes.sample(name, seed).towards(canonical, rho)
-    rest, moved = canonical.mesh(), sample.mesh()
+def _parametric(canonical: TrainingCanonical, seed: int, rho: float) -> TrainingShape:
+    name = canonical.category.name
+    sample = shapes.sample(name, seed).towards(shapes.canonical(name), rho)
+    rest, moved = canonical.mesh, sample.mesh()
     corresponds = np.asarray(sample.corresponds)
 
     def move(points, faces):
@@ -108,12 +126,13 @@ def _parametric(name: str, seed: int, rho: float) -> TrainingShape:
         places = np.einsum("mc,mcd->md", weights, moved.vertices[corners])
         return places, np.asarray(corresponds[corners].all(1))
 
-    latent = training_canonical(name).latent_of(moved.vertices - rest.vertices, corresponds)
+    latent = canonical.latent_of(moved.vertices - rest.vertices, corresponds)
     return TrainingShape(sample.scene(), np.asarray(moved.vertices), move, latent)
 
 
-def _of_instance(category: Category, index: int, rho: float) -> TrainingShape:
+def _of_instance(canonical: TrainingCanonical, index: int, rho: float) -> TrainingShape:
     """Eq. 14: the instance drawn back by its own field to the canonical, keeping its texture."""
+    category = canonical.category
     field = category.training_field(index)
     mesh = category.instance_mesh(category.train[index])
     if rho:
@@ -124,7 +143,6 @@ def _of_instance(category: Category, index: int, rho: float) -> TrainingShape:
     def move(points, _faces):
         return points + (1 - rho) * field.displacement(points), np.ones(len(points), bool)
 
-    canonical = training_canonical(category.name)
     rest = np.asarray(canonical.mesh.vertices)
     moved, known = move(rest, np.zeros(len(rest), int))
     latent = canonical.latent_of(moved - rest, known)
