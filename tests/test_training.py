@@ -75,7 +75,7 @@ def test_a_complete_data_set_is_not_rendered_again(folder):
 def test_true_motion_of_an_unmoved_canonical_is_zero():
     canonical = training_canonical(MUG)
     rng = np.random.default_rng(0)
-    shape = draw_training_shape(canonical, rng)
+    shape = draw_training_shape(canonical, MUG.train, rng)
     rest = canonical.mesh.vertices
     still = dataclasses.replace(
         shape, scene=canonical.mesh, vertices=rest, move=lambda p, f: (p, np.ones(len(p), bool))
@@ -102,7 +102,7 @@ def test_the_latent_of_a_training_shape_explains_its_motion():
     canonical = training_canonical(MUG)
     far, left = [], []
     for seed in range(5):
-        shape = draw_training_shape(canonical, np.random.default_rng(seed))
+        shape = draw_training_shape(canonical, MUG.train, np.random.default_rng(seed))
         moved, known = _moved_vertices(shape, canonical)
         mean_shape = canonical.vertices(np.zeros(canonical.n_modes))
         far.append(np.linalg.norm((moved - mean_shape)[known], axis=1).mean())
@@ -311,6 +311,33 @@ def test_a_card_states_each_member_and_how_far_another_training_may_end_from_the
     # Two standard deviations, 2 x 0.283, widened for a mean of two.
     assert ("mean offset error 6.20 mm ± 0.69 mm" in card) == (members == 2)
     assert ("mean flow error 4.00 px of 256 ± 0.08 px" in card) == (members == 2)
+
+
+def test_a_card_says_which_scores_are_of_trained_shapes(tmp_path):
+    split = MUG.file.split.model_copy(update={"test": ()})
+    file = MUG.file.model_copy(update={"name": "mycup", "split": split})
+    own = dataclasses.replace(MUG, name="mycup", file=file, folder=tmp_path / "my cup")
+    folder = training_module.member_folder(tmp_path, 0)
+    folder.mkdir()
+    (folder / "log.csv").write_text("step,seconds,offset_mm,flow_px,iou\n7,3600,9,8,0.7\n")
+    scores = [{"offset_mm": 6.0, "flow_px": 4.0, "shape_mm": 7.0, "iou": 0.9, "match": 0.99}] * 2
+    for categories in ((MUG,), (MUG, own)):
+        config = TrainingConfig(categories, members=1, steps=7)
+        path = write_card(tmp_path / "w.safetensors", config, scores, Confidence(), tmp_path)
+        card = path.read_text()
+        assert ("of shapes that training never saw" in card) == (categories == (MUG,))
+        assert ("those of mycup show shapes of training" in card) == (categories != (MUG,))
+        assert ("random parametric shapes and the train instances of mycup" in card) == (categories != (MUG,))
+    assert f"`grasptransfer train mug '{tmp_path}/my cup' " in card
+
+
+def test_training_without_test_instances_warns(folder, tmp_path, monkeypatch, caplog):
+    data = Dataset(folder)
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
+    monkeypatch.setattr(training_module, "without_held_out", lambda _: ["mycup"])
+    config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
+    train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
+    assert "mycup has no test instances" in caplog.text
 
 
 def test_two_processes_train_one_network(folder, tmp_path):

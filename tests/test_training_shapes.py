@@ -8,7 +8,13 @@ import yaml
 
 from grasptransfer.category import Category, load_category
 from grasptransfer.files import sha256
-from grasptransfer.perception.training_shapes import draw_training_shape, has_generator, training_canonical
+from grasptransfer.perception.training_shapes import (
+    draw_training_shape,
+    has_generator,
+    instances_of,
+    training_canonical,
+    without_held_out,
+)
 
 
 def _copy_of_mugs(folder, **changes) -> Category:
@@ -28,10 +34,30 @@ def test_an_own_category_is_trained_on_its_own_meshes(own):
     canonical = training_canonical(own)
     assert canonical.category.folder == own.folder
     assert not canonical.parametric
-    shape = draw_training_shape(canonical, np.random.default_rng(0))
+    shape = draw_training_shape(canonical, own.train, np.random.default_rng(0))
     sizes = {len(own.instance_mesh(name).vertices) for name in own.train}
     assert len(shape.vertices) in sizes
     assert shape.latent.shape == (canonical.n_modes,)
+
+
+def test_held_out_shapes_are_instances_that_training_never_shows(own, monkeypatch):
+    shown = []
+    monkeypatch.setattr(
+        Category, "instance_mesh", lambda category, name: shown.append(name) or category.canonical
+    )
+    canonical, rng = training_canonical(own), np.random.default_rng(0)
+    for held_out, names in ((False, own.train), (True, own.test)):
+        shown.clear()
+        for _ in range(12):
+            draw_training_shape(canonical, instances_of(own, held_out=held_out), rng)
+        assert set(shown) <= set(names)
+
+
+def test_a_category_without_test_instances_is_told(own, tmp_path):
+    split = own.file.split.model_dump(mode="json") | {"test": []}
+    bare = _copy_of_mugs(tmp_path / "bare", name="bare", split=split)
+    assert instances_of(bare, held_out=True) == own.train
+    assert without_held_out([load_category("mug"), own, bare]) == ["bare"]
 
 
 def test_a_namesake_of_a_shipped_category_has_no_generator(tmp_path):

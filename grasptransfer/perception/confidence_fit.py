@@ -1,4 +1,4 @@
-"""Fit `Confidence` to a trained network: on shapes that no training saw, and on objects of other kinds."""
+"""Fit `Confidence` to a trained network: on held-out shapes, and on objects of other kinds."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from grasptransfer.perception.random_objects import draw_random_object
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.scenes import draw_camera, draw_lighting, draw_pose, towards
-from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
+from grasptransfer.perception.training_shapes import draw_training_shape, instances_of, training_canonical
 from grasptransfer.perception.weights import load_weights, save_weights
 
 OCCLUDED = 0.25  # share of the pictures
@@ -54,7 +54,8 @@ def fit_confidence(
 
     Args:
         categories: that it was trained on.
-        pictures: of own shapes, and as many of strangers, for each category.
+        pictures: of held-out shapes (`training_shapes.instances_of`), and as many of strangers, of each
+            category.
         seed: of shapes, pictures and strangers.
         progress: called with (pictures done, in all).
     """
@@ -94,13 +95,13 @@ def fit_overconfidence(seen: list[Seen]) -> float:
 def _look_at_objects(
     category: Category, weights: Path, pictures: int, rng: np.random.Generator
 ) -> Iterator[Seen]:
-    canonical = training_canonical(category)
+    canonical, instances = training_canonical(category), instances_of(category, held_out=True)
     with Renderer() as renderer:
         estimator = RgbEstimator(category, renderer=renderer, weights=weights, refine_pose=False)
         estimator.confidence = replace(estimator.confidence, overconfidence=1.0)
         reach = _reach(category.canonical.bounds)
         for _ in range(pictures):
-            shape = draw_training_shape(canonical, rng)
+            shape = draw_training_shape(canonical, instances, rng)
             estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng, reach))
             assert estimate.latent is not None
             assert estimate.latent_covariance is not None

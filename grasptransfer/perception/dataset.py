@@ -34,6 +34,7 @@ class DatasetConfig:
         seed: of everything random.
         backgrounds: pictures in the background bank.
         sprites: cut-out objects that serve as clutter, occluders and objects of another category.
+        held_out: show test instances, where a category has no generator; see `training_shapes.instances_of`.
     """
 
     categories: tuple[Category, ...]
@@ -41,6 +42,7 @@ class DatasetConfig:
     seed: int = 0
     backgrounds: int = 2000
     sprites: int = 600
+    held_out: bool = False
 
     @property
     def shards(self) -> int:
@@ -137,17 +139,22 @@ def _shard_path(target: Path, index: int) -> Path:
 def _write_shard(config: DatasetConfig, target: Path, index: int):
     from grasptransfer.perception.rendering import Renderer
     from grasptransfer.perception.samples import render_sample
-    from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
+    from grasptransfer.perception.training_shapes import (
+        draw_training_shape,
+        instances_of,
+        training_canonical,
+    )
 
     rng = np.random.default_rng([config.seed, 1, index])
     canonicals = [training_canonical(category) for category in config.categories]
+    instances = [instances_of(category, held_out=config.held_out) for category in config.categories]
     samples: list[Sample] = []
     turn = index
     with Renderer() as renderer:
         while len(samples) < SHARD:
             which = turn % len(canonicals)
             turn += 1
-            shape = draw_training_shape(canonicals[which], rng)
+            shape = draw_training_shape(canonicals[which], instances[which], rng)
             views = (
                 render_sample(shape, canonicals[which], rng, renderer=renderer, category=which)
                 for _ in range(VIEWS_PER_SHAPE)

@@ -14,6 +14,7 @@ from grasptransfer.files import write_whole
 from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
+from grasptransfer.perception.training_shapes import has_generator, without_held_out
 
 CURVE_ROWS = 12
 LEAST_SPREAD = 0.02
@@ -54,7 +55,7 @@ def _card(
     parts = [
         f"# {weights.name}",
         _what_it_is(config, hours),
-        f"## Held-out scores ({config.held_out} pictures of shapes that training never saw)",
+        f"## Held-out scores ({config.held_out} pictures{_of_which(config.categories)})",
         _table(
             ("measure", "together", *members),
             [(what, *(show.format(one[key]) for one in scores)) for key, what, show in MEASURES],
@@ -99,6 +100,7 @@ def _curve(logs: list[list[dict[str, str]]]) -> list[tuple[str, ...]]:
 
 def _what_it_is(config: TrainingConfig, hours: float) -> str:
     parameters = sum(p.numel() for p in build_network(config.network, len(config.categories)).parameters())
+    meshes = _of_meshes(config.categories)
     options = (
         f"--network {config.network} --members {config.members} --loss {config.loss} "
         f"--samples {config.samples} --steps {config.steps} --batch {config.batch} --echo {config.echo} "
@@ -112,13 +114,35 @@ precision), whose mean is the answer, for: {", ".join(category.name for category
 latent), zoomed to 256 x 192.
 - **Output**: offset of each visible point of the model, its flow in the picture, the object's mask, what \
 the assumed latent lacks, each with the scale of its error; whether the object is of the category.
-- **Data**: {config.samples} pictures of random parametric shapes, rendered with random cameras, lights, \
+- **Data**: {config.samples} pictures of {_shown(config.categories)}, rendered with random cameras, lights, \
 materials and pose errors; backgrounds, occluders and camera faults are drawn anew in every batch. No \
-photograph and no scan was used, but for the ImageNet pictures behind the picture features \
-(EfficientNet-Lite0, kept as it is).
+photograph {"" if meshes else "and no scan "}was used, but for the ImageNet pictures behind the picture \
+features (EfficientNet-Lite0, kept as it is).
 - **Seed**: {config.seed} (member i: {config.seed} + i); held-out shapes: seed {config.seed + HELD_OUT_SEED}.
 - **Training**: {config.steps} steps of {config.batch} each, {hours:.2f} h in all on {_device()}, bfloat16.
 - **Command**: `grasptransfer train {_given(config.categories)} {options}`"""
+
+
+def _shown(categories: Sequence[Category]) -> str:
+    """What the training pictures show."""
+    meshes = _of_meshes(categories)
+    shapes = [] if len(meshes) == len(categories) else ["random parametric shapes"]
+    return " and ".join(shapes + [f"the train instances of {name}" for name in meshes])
+
+
+def _of_which(categories: Sequence[Category]) -> str:
+    """Whether the held-out pictures show what training never saw."""
+    trained = without_held_out(categories)
+    if not trained:
+        return " of shapes that training never saw"
+    return (
+        f"; without test instances, those of {', '.join(trained)} show shapes of training, "
+        "as those do that its confidence was fitted to"
+    )
+
+
+def _of_meshes(categories: Sequence[Category]) -> list[str]:
+    return [category.name for category in categories if not has_generator(category)]
 
 
 def _given(categories: Sequence[Category]) -> str:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import logging
 import os
 import time
 from collections.abc import Callable
@@ -22,7 +23,10 @@ from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
+from grasptransfer.perception.training_shapes import without_held_out
 from grasptransfer.perception.weights import WeightsInfo, save_weights
+
+logger = logging.getLogger(__name__)
 
 CHECKPOINT_STEPS, LOGGED_STEPS = 250, 50
 FULL_RATE, FALLING_RATE = "checkpoint.pt", "checkpoint_falling.pt"  # before and while the rate falls
@@ -39,7 +43,7 @@ class TrainingConfig:
         members: networks trained alike but for the seed, whose mean is the answer (`networks.ensemble`).
         loss: see `losses.LOSSES`.
         samples: rendered training samples.
-        held_out: rendered samples of other shapes, to watch.
+        held_out: rendered samples of other shapes, to watch; see `training_shapes.instances_of`.
         steps: optimiser steps of each member.
         batch: samples a step, over all processes.
         echo: how often each augmented batch is used; above 1 where preparing it costs more than learning.
@@ -91,6 +95,8 @@ def train(
         run_folder: data sets, and for each member a folder with checkpoints and `log.csv`.
         output: the `.safetensors` file, replaced once training is complete.
 
+    Warns of categories of which nothing is held out.
+
     Returns:
         Scores of the ensemble, and of each member by itself: how far those differ is what another
         training may differ by.
@@ -100,6 +106,8 @@ def train(
     if world > 1 and not torch.distributed.is_initialized():
         torch.distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
     if rank == 0:
+        for name in without_held_out(config.categories):
+            logger.warning("%s has no test instances: its scores and confidence are of trained shapes", name)
         _data_sets(config, run_folder, workers, on_render)
     if world > 1:
         torch.distributed.barrier()
@@ -272,7 +280,14 @@ class _Run:
 
 def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) -> tuple[Dataset, Dataset]:
     training = DatasetConfig(config.categories, config.samples, config.seed)
-    held_out = DatasetConfig(config.categories, config.held_out, config.seed + HELD_OUT_SEED, 200, 120)
+    held_out = DatasetConfig(
+        config.categories,
+        config.held_out,
+        config.seed + HELD_OUT_SEED,
+        backgrounds=200,
+        sprites=120,
+        held_out=True,
+    )
     folders = [
         build_dataset(part, folder / "data", workers=workers, progress=on_render)
         for part in (training, held_out)

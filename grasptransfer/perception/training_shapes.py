@@ -1,6 +1,6 @@
 """Where training instances come from: parametric shapes (unlimited) or the meshes of a category."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -106,12 +106,24 @@ def _canonical(folder: Path, *_checksums: str | None) -> TrainingCanonical:
     return TrainingCanonical(category, parametric, mesh, (mean, basis[..., :LATENT_SIZE]))
 
 
-def draw_training_shape(canonical: TrainingCanonical, rng: np.random.Generator) -> TrainingShape:
-    """A random training instance: a new parametric shape where there is a generator, else a train mesh."""
+def instances_of(category: Category, *, held_out: bool) -> tuple[str, ...]:
+    """Names of the instances to train on, or to hold out: where none was kept aside, those again."""
+    return category.test if held_out and category.test else category.train
+
+
+def without_held_out(categories: Iterable[Category]) -> list[str]:
+    """Names of the categories of which every shape there is serves for training."""
+    return [one.name for one in categories if not one.test and not has_generator(one)]
+
+
+def draw_training_shape(
+    canonical: TrainingCanonical, instances: Sequence[str], rng: np.random.Generator
+) -> TrainingShape:
+    """A random shape: a new parametric one where there is a generator, else one of these instances."""
     rho = float(rng.choice(RHOS, p=RHO_SHARES))
     if canonical.parametric:
         return _parametric(canonical, int(rng.integers(2**31)), rho)
-    return _of_instance(canonical, int(rng.integers(len(canonical.category.train))), rho)
+    return _of_instance(canonical, instances[rng.integers(len(instances))], rho)
 
 
 def _parametric(canonical: TrainingCanonical, seed: int, rho: float) -> TrainingShape:
@@ -130,11 +142,11 @@ def _parametric(canonical: TrainingCanonical, seed: int, rho: float) -> Training
     return TrainingShape(sample.scene(), np.asarray(moved.vertices), move, latent)
 
 
-def _of_instance(canonical: TrainingCanonical, index: int, rho: float) -> TrainingShape:
+def _of_instance(canonical: TrainingCanonical, name: str, rho: float) -> TrainingShape:
     """Eq. 14: the instance drawn back by its own field to the canonical, keeping its texture."""
     category = canonical.category
-    field = category.training_field(index)
-    mesh = category.instance_mesh(category.train[index])
+    field = category.field(name)
+    mesh = category.instance_mesh(name)
     if rho:
         drawn_back = mesh.copy()
         drawn_back.vertices = mesh.vertices - rho * field.displacement(field.inverse(mesh.vertices))
