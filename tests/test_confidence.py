@@ -9,7 +9,7 @@ from grasptransfer.perception.confidence import Confidence, evidence
 from grasptransfer.perception.confidence_fit import Seen, fit_confidence, fit_overconfidence, fit_score
 from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
-from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights
+from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
 
 
 def _seen(own, match, overlap, far):
@@ -56,9 +56,7 @@ def test_fitting_keeps_the_network_and_writes_the_confidence_beside_it(tmp_path)
     torch.manual_seed(0)
     path = tmp_path / "mug.safetensors"
     mug = load_category("mug")
-    save_weights(
-        path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": mug.canonical_sha256})
-    )
+    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": trained_on(mug)}))
     before, info = load_weights(path)
     assert info.confidence == Confidence()
     done = []

@@ -104,12 +104,17 @@ def test_a_model_behind_the_camera_or_around_it_is_refused(estimator, seen, dist
         estimator(replace(seen, camera_from_object=pose))
 
 
-def test_weights_of_another_canonical_model_are_refused(tmp_path, renderer):
+def test_weights_of_another_canonical_model_or_shape_space_are_refused(tmp_path, renderer):
     from grasptransfer.perception.networks import build_network
     from grasptransfer.perception.networks.ensemble import Ensemble
-    from grasptransfer.perception.weights import WeightsInfo, save_weights
+    from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
 
-    path = tmp_path / "other.safetensors"
-    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": "another"}))
-    with pytest.raises(WeightsError, match="another canonical"):
-        RgbEstimator(gt.load_category("mug"), renderer=renderer, weights=path, device="cpu")
+    path, mug = tmp_path / "other.safetensors", gt.load_category("mug")
+    for changed, problem in (
+        ("canonical.glb", "another canonical"),
+        ("shape_space.npz", "another shape space"),
+    ):
+        info = WeightsInfo("compact", {"mug": trained_on(mug) | {changed: "another"}})
+        save_weights(path, Ensemble([build_network("compact")]), info)
+        with pytest.raises(WeightsError, match=problem):
+            RgbEstimator(mug, renderer=renderer, weights=path, device="cpu")

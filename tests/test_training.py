@@ -26,7 +26,7 @@ from grasptransfer.perception.samples import render_sample
 from grasptransfer.perception.scenes import NO_NOISE
 from grasptransfer.perception.training import TrainingConfig, train
 from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
-from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights
+from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
 
 MUG = load_category("mug")
 CONFIG = DatasetConfig((MUG,), samples=4, seed=3, backgrounds=2, sprites=2)
@@ -217,9 +217,9 @@ def test_an_unknown_loss_or_network_names_the_choices(folder):
 def test_weights_come_back_as_they_were_saved(tmp_path):
     torch.manual_seed(1)
     network = Ensemble(build_network("compact") for _ in range(2)).eval()
-    save_weights(tmp_path / "w.safetensors", network, WeightsInfo("compact", {"mug": "abc"}))
+    save_weights(tmp_path / "w.safetensors", network, WeightsInfo("compact", {"mug": trained_on(MUG)}))
     loaded, info = load_weights(tmp_path / "w.safetensors")
-    assert info == WeightsInfo("compact", {"mug": "abc"})
+    assert info == WeightsInfo("compact", {"mug": trained_on(MUG)})
     for name, tensor in loaded.state_dict().items():
         torch.testing.assert_close(tensor, network.state_dict()[name].half().float())
 
@@ -227,7 +227,7 @@ def test_weights_come_back_as_they_were_saved(tmp_path):
 @pytest.mark.parametrize("position", [20, -1000])
 def test_a_flipped_byte_in_the_weights_is_found(tmp_path, position):
     path = tmp_path / "w.safetensors"
-    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": "abc"}))
+    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": trained_on(MUG)}))
     data = bytearray(path.read_bytes())
     data[position] ^= 255
     path.write_bytes(data)
@@ -292,6 +292,29 @@ def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypat
     config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
     with pytest.raises(SettingsError, match="other settings"):
         train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
+
+
+def _rebuilt(file="shape_space.npz"):
+    """The mugs as they would be after a build that changed this file."""
+    checksums = MUG.file.checksums | {file: "another"}
+    return dataclasses.replace(MUG, file=MUG.file.model_copy(update={"checksums": checksums}))
+
+
+def test_data_of_a_category_that_was_built_again_is_not_used(tmp_path):
+    for file in ("canonical.glb", "shape_space.npz", "fields.npz"):
+        assert dataclasses.replace(CONFIG, categories=(_rebuilt(file),)).digest() != CONFIG.digest()
+    moved = dataclasses.replace(MUG, folder=tmp_path)
+    assert dataclasses.replace(CONFIG, categories=(moved,)).digest() == CONFIG.digest()
+
+
+def test_a_run_of_a_category_that_was_built_again_is_refused(folder, tmp_path, monkeypatch):
+    data = Dataset(folder)
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
+    config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
+    places = {"run_folder": tmp_path / "run", "output": tmp_path / "a.safetensors"}
+    train(config, **places, device="cpu")
+    with pytest.raises(SettingsError, match="other settings"):
+        train(dataclasses.replace(config, categories=(_rebuilt(),)), **places, device="cpu")
 
 
 @pytest.mark.parametrize("members", [1, 2])

@@ -94,12 +94,14 @@ def _digest(measure: Measure, settings: Any) -> str:
 
 
 def _weights(settings: Any) -> list[Path]:
+    from grasptransfer.category import load_category
     from grasptransfer.perception.weights import find_weights, trained_categories
 
     told = getattr(settings, "weights", None)
     if told is not None:
         return [told]
-    return sorted({find_weights(name) for name in set(settings.categories) & set(trained_categories())})
+    names = set(settings.categories) & set(trained_categories())
+    return sorted({find_weights(load_category(name)) for name in names})
 
 
 def _read(ledger: Path | None, key: str) -> dict[tuple[str, str], dict]:

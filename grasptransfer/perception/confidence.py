@@ -1,6 +1,6 @@
 """How sure an estimate may be: numbers fitted to each network once it is trained (`confidence_fit`)."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -50,11 +50,6 @@ class Confidence:
     def as_data(self) -> dict[str, float]:
         """For a weight file's header."""
         return {name: round(float(value), 4) for name, value in asdict(self).items()}
-
-    @classmethod
-    def from_data(cls, data: dict[str, float]) -> "Confidence":
-        """Of `as_data`; what is missing keeps its default."""
-        return cls(**{field.name: float(data[field.name]) for field in fields(cls) if field.name in data})
 
 
 def evidence(match: float, overlap: float, latent: Float[np.ndarray, "k"]) -> Evidence:

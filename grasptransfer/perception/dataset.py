@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from functools import partial
@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Int, UInt8
 
 from grasptransfer.category import Category
+from grasptransfer.category.category import PREVIEW
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.backgrounds import draw_background
 from grasptransfer.perception.samples import Sample
@@ -52,11 +53,20 @@ class DatasetConfig:
     def as_data(self) -> dict:
         """The settings as plain names and numbers."""
         data = {field.name: getattr(self, field.name) for field in fields(self)}
-        return data | {"categories": [category.name for category in self.categories]}
+        return data | state_of(self.categories)
 
     def digest(self) -> str:
         """Short checksum of the settings."""
         return hashlib.sha256(json.dumps(self.as_data(), sort_keys=True).encode()).hexdigest()[:12]
+
+
+def state_of(categories: Sequence[Category]) -> dict:
+    """Names of the categories, and checksums of the files that training reads."""
+    checksums = {
+        category.name: {name: one for name, one in category.file.checksums.items() if name != PREVIEW}
+        for category in categories
+    }
+    return {"categories": [category.name for category in categories], "checksums": checksums}
 
 
 def build_dataset(

@@ -11,7 +11,7 @@ from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
-from grasptransfer.errors import PoseError, WeightsError
+from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.perception.augmentation import network_input
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
@@ -37,7 +37,7 @@ from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.samples import view_from_object, zoom_for
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
-from grasptransfer.perception.weights import find_weights, load_weights
+from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
 from grasptransfer.perception.zoom import (
     MASK_STRIDE,
     centre_on_box,
@@ -103,18 +103,11 @@ class RgbEstimator:
         self.category, self.refine_pose = category, refine_pose
         self._model = ShapedModel(category)
         self.pose_prior = pose_prior or TOLD_POSE
-        path = weights or find_weights(category.name)
+        path = weights or find_weights(category)
         self.network, info = load_weights(path)
         self.confidence = info.confidence
-        self._number = list(info.categories).index(category.name) if category.name in info.categories else -1
-        if info.categories.get(category.name) != category.canonical_sha256:
-            raise WeightsError(
-                "was trained on another canonical model",
-                path=path,
-                key=category.name,
-                value=info.categories.get(category.name),
-                fix=f"Train again: grasptransfer train {category.name}",
-            )
+        check_trained_on(info, category, path)
+        self._number = list(info.categories).index(category.name)
         self.device = torch.device(choose_device(device))
         channels_last(self.network, self.device)
         self.renderer = renderer or Renderer()

@@ -16,7 +16,7 @@ from torch.nn.parallel import DistributedDataParallel
 from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.augmentation import Inputs, training_batch
-from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
+from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset, state_of
 from grasptransfer.perception.estimators import check_device
 from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import build_network, channels_last
@@ -24,7 +24,7 @@ from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
 from grasptransfer.perception.training_shapes import without_held_out
-from grasptransfer.perception.weights import WeightsInfo, save_weights
+from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
 
 logger = logging.getLogger(__name__)
 
@@ -119,8 +119,8 @@ def train(
         members.append(run.network)
     ensemble = Ensemble(members)
     if rank == 0:
-        checksums = {category.name: category.canonical_sha256 for category in config.categories}
-        save_weights(output, ensemble, WeightsInfo(config.network, checksums))
+        trained = {category.name: trained_on(category) for category in config.categories}
+        save_weights(output, ensemble, WeightsInfo(config.network, trained))
     alone = [evaluate(member, held_out_set, config) for member in members]
     return evaluate(ensemble, held_out_set, config), alone
 
@@ -251,7 +251,7 @@ class _Run:
     def _settings(self) -> dict:
         """What this member depends on: how many others there are does not matter."""
         settings = {field.name: getattr(self.config, field.name) for field in fields(self.config)}
-        settings |= {"categories": [category.name for category in self.config.categories], "seed": self.seed}
+        settings |= state_of(self.config.categories) | {"seed": self.seed}
         del settings["members"]
         return settings
 

@@ -123,7 +123,7 @@ def draw_training_shape(
     rho = float(rng.choice(RHOS, p=RHO_SHARES))
     if canonical.parametric:
         return _parametric(canonical, int(rng.integers(2**31)), rho)
-    return _of_instance(canonical, instances[rng.integers(len(instances))], rho)
+    return _of_instance(canonical, instances[int(rng.integers(len(instances)))], rho)
 
 
 def _parametric(canonical: TrainingCanonical, seed: int, rho: float) -> TrainingShape:

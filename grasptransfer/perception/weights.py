@@ -1,12 +1,16 @@
 """Trained ensembles on disk: safetensors with what they were trained for, checked by checksum."""
 
+import contextlib
 import hashlib
 import json
+import shlex
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from grasptransfer.category import objects_folder
+from grasptransfer.category import Category, list_categories, objects_folder
+from grasptransfer.category.category import CANONICAL, SHAPE_SPACE
 from grasptransfer.errors import WeightsError
 from grasptransfer.files import replacing
 from grasptransfer.perception.confidence import Confidence
@@ -14,7 +18,7 @@ from grasptransfer.perception.confidence import Confidence
 if TYPE_CHECKING:
     from grasptransfer.perception.networks.ensemble import Ensemble
 
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 
 
 @dataclass(frozen=True)
@@ -23,12 +27,12 @@ class WeightsInfo:
 
     Args:
         network: name of its members for `build_network`.
-        categories: canonical checksum of each category it was trained on, in the order of their numbers.
+        categories: `trained_on` of each by its name, in the order of their numbers.
         confidence: how sure its estimates may be.
     """
 
     network: str
-    categories: dict[str, str]
+    categories: dict[str, dict[str, str]]
     confidence: Confidence = field(default_factory=Confidence)
 
 
@@ -56,78 +60,127 @@ def load_weights(path: Path) -> tuple["Ensemble", WeightsInfo]:
     """The ensemble (evaluation mode, float32) and its `WeightsInfo`.
 
     Raises:
-        WeightsError: missing, unreadable, of another version, or its checksum does not match.
+        WeightsError: missing, unreadable, of another version, incomplete, or its checksum does not match.
     """
-    from safetensors import SafetensorError, safe_open
-
     from grasptransfer.perception.networks import build_network, network_names
     from grasptransfer.perception.networks.ensemble import Ensemble
 
     if not path.is_file():
         raise WeightsError("trained weights are missing", path=path, fix="Train them: grasptransfer train")
-    try:
-        with safe_open(path, "pt") as file:
-            header = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
-        raise WeightsError(f"is corrupt: {error}", path=path, fix="Get the file again") from error
-    if header.get("format_version") != str(FORMAT_VERSION):
-        raise WeightsError(
-            "unknown format",
-            path=path,
-            key="format_version",
-            value=header.get("format_version"),
-            choices=[FORMAT_VERSION],
-        )
+    with _opened(path) as file:
+        header = file.metadata()
+        info = _info(header, path)
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if _digest(tensors) != header.get("sha256"):
         raise WeightsError("is corrupt: the checksum does not match", path=path, fix="Get the file again")
-    if header["network"] not in network_names():
-        raise WeightsError("unknown network", path=path, value=header["network"], choices=network_names())
-    categories = json.loads(header["categories"])
-    members = (build_network(header["network"], len(categories)) for _ in range(int(header["members"])))
+    if info.network not in network_names():
+        raise WeightsError("unknown network", path=path, value=info.network, choices=network_names())
+    members = (build_network(info.network, len(info.categories)) for _ in range(int(header["members"])))
     ensemble = Ensemble(members)
     ensemble.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
-    confidence = Confidence.from_data(json.loads(header.get("confidence", "{}")))
-    return ensemble.eval(), WeightsInfo(header["network"], categories, confidence)
+    return ensemble.eval(), info
 
 
-def find_weights(category: str) -> Path:
+def trained_on(category: Category) -> dict[str, str]:
+    """Checksums of what a network has learnt of a category: its model, and the space of its latent."""
+    return {name: category.file.checksums.get(name, "") for name in (CANONICAL, SHAPE_SPACE)}
+
+
+def check_trained_on(info: WeightsInfo, category: Category, path: Path) -> None:
+    """Refuse weights that belong to another category, or to this one as it was before it was built again.
+
+    Raises:
+        WeightsError: with the file of the category that differs.
+    """
+    found, wanted = info.categories.get(category.name, {}), trained_on(category)
+    for name, what in ((CANONICAL, "canonical model"), (SHAPE_SPACE, "shape space")):
+        if found.get(name) != wanted[name]:
+            raise WeightsError(
+                f"was trained on another {what}",
+                path=path,
+                key=f"{category.name}: {name}",
+                value=found.get(name),
+                fix=f"Train again: {_training(category)}",
+            )
+
+
+def find_weights(category: Category) -> Path:
     """The weight file that serves a category.
 
     Raises:
-        WeightsError: none does; names the categories that have one.
+        WeightsError: none does, with the categories that have one; none as the category is now; or several.
     """
-    served = _served()
-    if category not in served:
+    served = {path: info for path, info in _served().items() if category.name in info.categories}
+    fitting = [
+        path for path, info in served.items() if info.categories[category.name] == trained_on(category)
+    ]
+    if len(fitting) == 1:
+        return fitting[0]
+    folder = objects_folder() / "models"
+    if fitting:
         raise WeightsError(
-            "no trained network for this category",
-            path=objects_folder() / "models",
+            "several weight files serve this category",
+            path=folder,
             key="category",
-            value=category,
-            choices=served,
-            fix=f"Train one: grasptransfer train {category}",
+            value=category.name,
+            choices=[path.name for path in fitting],
+            fix="Move all but one elsewhere",
         )
-    return served[category]
+    for path, info in served.items():
+        check_trained_on(info, category, path)
+    raise WeightsError(
+        "no trained network for this category",
+        path=folder,
+        key="category",
+        value=category.name,
+        choices=trained_categories(),
+        fix=f"Train one: {_training(category)}",
+    )
 
 
 def trained_categories() -> tuple[str, ...]:
-    """Names of the categories that have trained weights."""
-    return tuple(sorted(_served()))
+    """Names of the shipped categories that have trained weights."""
+    trained = {name for info in _served().values() for name in info.categories}
+    return tuple(name for name in list_categories() if name in trained)
 
 
-def _served() -> dict[str, Path]:
-    """Weight file of each category that has one."""
-    from safetensors import SafetensorError, safe_open
+def _training(category: Category) -> str:
+    """The command that trains a network for a category."""
+    shipped = category.folder == objects_folder() / category.name
+    return shlex.join(["grasptransfer", "train", category.name if shipped else str(category.folder)])
 
+
+def _served() -> dict[Path, WeightsInfo]:
+    """What each weight file says of itself."""
     served = {}
     for path in sorted((objects_folder() / "models").glob("*.safetensors")):
-        try:
-            with safe_open(path, "pt") as file:
-                names = json.loads((file.metadata() or {}).get("categories", "{}"))
-        except (SafetensorError, OSError, json.JSONDecodeError) as error:
-            raise WeightsError(f"is corrupt: {error}", path=path, fix="Get the file again") from error
-        served |= dict.fromkeys(names, path)
+        with _opened(path) as file:
+            served[path] = _info(file.metadata(), path)
     return served
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator:
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, "pt") as file:
+            yield file
+    except (SafetensorError, OSError) as error:
+        raise WeightsError(f"is corrupt: {error}", path=path, fix="Get the file again") from error
+
+
+def _info(header: dict[str, str] | None, path: Path) -> WeightsInfo:
+    version = (header or {}).get("format_version")
+    if header is None or version != str(FORMAT_VERSION):
+        raise WeightsError(
+            "unknown format", path=path, key="format_version", value=version, choices=[FORMAT_VERSION]
+        )
+    try:
+        confidence = Confidence(**json.loads(header["confidence"]))
+        return WeightsInfo(header["network"], json.loads(header["categories"]), confidence)
+    except (KeyError, TypeError, ValueError) as error:
+        raise WeightsError(f"is corrupt: {error!r}", path=path, fix="Get the file again") from error
 
 
 def _digest(tensors) -> str:

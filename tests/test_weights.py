@@ -1,0 +1,91 @@
+"""Weight files: which one serves a category, and what is refused."""
+
+import dataclasses
+import json
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from grasptransfer.category import list_categories, load_category
+from grasptransfer.errors import WeightsError
+from grasptransfer.perception import weights as weights_module
+from grasptransfer.perception.networks import build_network
+from grasptransfer.perception.networks.ensemble import Ensemble
+from grasptransfer.perception.weights import (
+    WeightsInfo,
+    find_weights,
+    load_weights,
+    save_weights,
+    trained_categories,
+    trained_on,
+)
+
+MUG, BOTTLE = load_category("mug"), load_category("bottle")
+STALE = trained_on(MUG) | {"canonical.glb": "older"}
+
+
+@pytest.fixture
+def models(tmp_path, monkeypatch):
+    """An empty folder of weights."""
+    monkeypatch.setattr(weights_module, "objects_folder", lambda: tmp_path)
+    folder = tmp_path / "models"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ensemble():
+    torch.manual_seed(0)
+    return Ensemble([build_network("compact", 2)])
+
+
+def test_the_weights_that_fit_a_category_serve_it_wherever_they_stand_in_the_alphabet(models, ensemble):
+    joint = {"bottle": trained_on(BOTTLE), "mug": trained_on(MUG)}
+    save_weights(models / "bottle-mug.safetensors", ensemble, WeightsInfo("compact", joint))
+    save_weights(models / "mug.safetensors", ensemble, WeightsInfo("compact", {"mug": STALE}))
+    assert find_weights(MUG) == models / "bottle-mug.safetensors"
+    assert trained_categories() == ("bottle", "mug")
+
+
+def test_several_weights_for_one_category_are_refused(models, ensemble):
+    for name in ("a", "b"):
+        info = WeightsInfo("compact", {"mug": trained_on(MUG)})
+        save_weights(models / f"{name}.safetensors", ensemble, info)
+    with pytest.raises(WeightsError, match=r"a\.safetensors, b\.safetensors"):
+        find_weights(MUG)
+
+
+def test_weights_of_an_older_build_alone_are_named(models, ensemble):
+    save_weights(models / "mug.safetensors", ensemble, WeightsInfo("compact", {"mug": STALE}))
+    with pytest.raises(WeightsError, match=r"mug\.safetensors.*another canonical"):
+        find_weights(MUG)
+
+
+def test_a_folder_without_weights_is_to_be_trained_by_its_folder(models, tmp_path):
+    own = dataclasses.replace(MUG, name="mycup", folder=tmp_path / "my cup")
+    with pytest.raises(WeightsError, match=f"grasptransfer train '{tmp_path}/my cup'"):
+        find_weights(own)
+
+
+def test_weights_that_do_not_say_how_sure_they_may_be_are_refused(tmp_path, ensemble):
+    path = tmp_path / "w.safetensors"
+    both = {"bottle": trained_on(BOTTLE), "mug": trained_on(MUG)}
+    save_weights(path, ensemble, WeightsInfo("compact", both))
+    _, info = load_weights(path)
+    header = {
+        "format_version": str(weights_module.FORMAT_VERSION),
+        "network": info.network,
+        "members": "1",
+        "categories": json.dumps(info.categories),
+        "sha256": weights_module._digest(load_file(path)),
+    }
+    save_file(load_file(path), path, metadata=header)
+    with pytest.raises(WeightsError, match="confidence"):
+        load_weights(path)
+
+
+def test_every_shipped_category_is_served_by_weights_trained_on_it():
+    assert trained_categories() == list_categories()
+    for name in list_categories():
+        assert find_weights(load_category(name)).is_file()
