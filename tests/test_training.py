@@ -294,6 +294,48 @@ def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypat
         train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
 
 
+def _tiny_run(folder, tmp_path, monkeypatch, **changes):
+    data = Dataset(folder)
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
+    settings = {"samples": 4, "held_out": 4, "members": 1, "steps": 1, "batch": 2} | changes
+    output = settings.pop("output", tmp_path / "a.safetensors")
+    config = TrainingConfig((MUG,), **settings)
+    return train(config, run_folder=tmp_path / "run", output=output, device="cpu")
+
+
+@pytest.mark.parametrize("batch", [3, 5])
+def test_every_held_out_sample_counts_whatever_the_batch(folder, tmp_path, monkeypatch, batch):
+    seen = []
+
+    def looked_at(dataset, indices, rng):
+        seen.extend(indices)
+        return training_batch(dataset, indices, rng)
+
+    monkeypatch.setattr(training_module, "training_batch", looked_at)
+    config = TrainingConfig((MUG,), samples=4, held_out=4, batch=batch)
+    scores = training_module.evaluate(build_network("compact"), Dataset(folder), config)
+    assert seen == [0, 1, 2, 3]
+    assert np.isfinite(list(scores.values())).all()
+
+
+def test_one_step_is_a_training(folder, tmp_path, monkeypatch):
+    _tiny_run(folder, tmp_path, monkeypatch, steps=1)
+    assert (tmp_path / "a.safetensors").is_file()
+
+
+def test_weights_go_into_a_new_folder(folder, tmp_path, monkeypatch):
+    _tiny_run(folder, tmp_path, monkeypatch, output=tmp_path / "new" / "folder" / "a.safetensors")
+    assert (tmp_path / "new" / "folder" / "a.safetensors").is_file()
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_training(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: pytest.fail("rendered"))
+    config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=1, batch=2)
+    with pytest.raises(SettingsError, match=r"a\.safetensors: cannot be written"):
+        train(config, run_folder=tmp_path / "run", output=tmp_path / "file" / "a.safetensors", device="cpu")
+
+
 def _rebuilt(file="shape_space.npz"):
     """The mugs as they would be after a build that changed this file."""
     checksums = MUG.file.checksums | {file: "another"}

@@ -13,7 +13,7 @@ def learning_rate(step: int, steps: int, peak: float) -> float:
 
 def decay_start(steps: int) -> int:
     """The step from which the learning rate falls."""
-    return round((1 - DECAY) * steps)
+    return min(round((1 - DECAY) * steps), steps - 1)
 
 
 def batch_number(step: int, echo: int) -> int:

@@ -4,6 +4,7 @@ import csv
 import json
 import logging
 import os
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -15,6 +16,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
+from grasptransfer.files import writing
 from grasptransfer.perception.augmentation import Inputs, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset, state_of
 from grasptransfer.perception.estimators import check_device
@@ -102,7 +104,9 @@ def train(
         training may differ by.
     """
     rank, world = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
-    run_folder.mkdir(parents=True, exist_ok=True)
+    with writing(run_folder):
+        run_folder.mkdir(parents=True, exist_ok=True)
+    _check_writable(output)
     if world > 1 and not torch.distributed.is_initialized():
         torch.distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
     if rank == 0:
@@ -125,22 +129,31 @@ def train(
     return evaluate(ensemble, held_out_set, config), alone
 
 
+def _check_writable(output: Path) -> None:
+    """Refuse before hours of training what could not be written after them; folders above it are made."""
+    with writing(output):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=output.parent):
+            pass
+
+
 def member_folder(run_folder: Path, number: int) -> Path:
     """Where a member's checkpoints and log lie."""
     return run_folder / f"member_{number}"
 
 
 def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig) -> Scores:
-    """Mean held-out terms, with augmentation of a fixed seed."""
+    """Mean held-out terms over all samples, with augmentation of a fixed seed."""
     rng = np.random.default_rng(HELD_OUT_SEED)
     network.eval()
     device = next(network.parameters()).device
     collected: list[dict[str, float]] = []
+    parts = [
+        np.arange(len(held_out))[start:][: config.batch] for start in range(0, len(held_out), config.batch)
+    ]
     with torch.inference_mode():
-        for start in range(0, len(held_out) - config.batch + 1, config.batch):
-            (pictures, numbers), targets = training_batch(
-                held_out, np.arange(start, start + config.batch), rng
-            )
+        for part in parts:
+            (pictures, numbers), targets = training_batch(held_out, part, rng)
             targets = {name: value.to(device) for name, value in targets.items()}
             with torch.autocast(device.type, dtype=torch.bfloat16):
                 prediction = network(pictures.to(device), numbers.to(device))
@@ -148,7 +161,10 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
                 {k: v.item() for k, v in training_loss(prediction, targets, config.loss).items()}
             )
     network.train()
-    return {name: float(np.mean([terms[name] for terms in collected])) for name in collected[0]}
+    sizes = [len(part) for part in parts]
+    return {
+        name: float(np.average([terms[name] for terms in collected], weights=sizes)) for name in collected[0]
+    }
 
 
 class _Run:
