@@ -2,8 +2,10 @@
 
 import dataclasses
 import json
+import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -70,6 +72,37 @@ def test_a_complete_data_set_is_not_rendered_again(folder):
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*.npy")}
     build_dataset(CONFIG, folder.parent, workers=1)
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.npy")} == before
+
+
+def test_a_data_set_is_completed_after_a_kill_and_its_leftovers_are_removed(tmp_path, monkeypatch):
+    target = _build(tmp_path)
+    shutil.rmtree(target / "00000.shard")
+    real = np.save
+
+    class Killed(BaseException):
+        pass
+
+    def kill(path, array):
+        if path.stem == "flow":
+            raise Killed
+        real(path, array)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "save", kill)
+        patch.setattr(shutil, "rmtree", lambda *_, **__: None)  # a killed run clears nothing up
+        with pytest.raises(Killed):
+            dataset_module._write_shard(CONFIG, target, 0)
+    leftovers = [path for path in target.iterdir() if path.name.startswith(".")]
+    assert leftovers
+    monkeypatch.setattr(dataset_module, "ProcessPoolExecutor", _InThisProcess)
+    build_dataset(CONFIG, tmp_path)
+    assert len(Dataset(target)) == 4
+    assert not any(path.exists() for path in leftovers)
+
+
+class _InThisProcess(ThreadPoolExecutor):
+    def __init__(self, workers, mp_context):
+        super().__init__(1)
 
 
 def test_true_motion_of_an_unmoved_canonical_is_zero():

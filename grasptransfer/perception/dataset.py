@@ -3,6 +3,8 @@
 import hashlib
 import json
 import os
+import shutil
+import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
@@ -16,6 +18,7 @@ from jaxtyping import Int, UInt8
 from grasptransfer.category import Category
 from grasptransfer.category.category import PREVIEW
 from grasptransfer.errors import SettingsError
+from grasptransfer.files import replacing, write_whole
 from grasptransfer.perception.backgrounds import draw_background
 from grasptransfer.perception.samples import Sample
 
@@ -84,7 +87,8 @@ def build_dataset(
     """
     target = folder / config.digest()
     target.mkdir(parents=True, exist_ok=True)
-    (target / "config.json").write_text(json.dumps(config.as_data(), indent=1))
+    _clear_up(target)
+    write_whole(target / "config.json", json.dumps(config.as_data(), indent=1).encode())
     tasks: list[Callable[[], None]] = []
     if not (target / "sprites.npy").exists():
         _write_sprites(config, target)
@@ -103,6 +107,15 @@ def build_dataset(
             if progress:
                 progress(done, config.shards + 1)
     return target
+
+
+def _clear_up(target: Path):
+    """Remove what a killed run left unfinished: all that is hidden."""
+    for leftover in target.glob(".*"):
+        if leftover.is_dir():
+            shutil.rmtree(leftover)
+        else:
+            leftover.unlink()
 
 
 class Dataset:
@@ -170,13 +183,12 @@ def _write_shard(config: DatasetConfig, target: Path, index: int):
                 for _ in range(VIEWS_PER_SHAPE)
             )
             samples += [view for view in views if view is not None]
-    partial_path = _shard_path(target, index).with_suffix(f".{os.getpid()}.part")
-    partial_path.mkdir()
-    for field in fields(Sample):
-        np.save(
-            partial_path / f"{field.name}.npy", np.stack([getattr(s, field.name) for s in samples[:SHARD]])
-        )
-    os.replace(partial_path, _shard_path(target, index))
+    with tempfile.TemporaryDirectory(prefix=".", dir=target) as hidden:
+        shard = Path(hidden) / "shard"  # unlike the folder around it, others may read it
+        shard.mkdir()
+        for field in fields(Sample):
+            np.save(shard / f"{field.name}.npy", np.stack([getattr(s, field.name) for s in samples[:SHARD]]))
+        os.replace(shard, _shard_path(target, index))
 
 
 def sprite_names(count: int) -> list[str]:
@@ -221,6 +233,5 @@ def _write_backgrounds(config: DatasetConfig, target: Path):
 
 
 def _save(path: Path, array: np.ndarray):
-    unfinished = path.with_suffix(f".{os.getpid()}.part.npy")
-    np.save(unfinished, array)
-    os.replace(unfinished, path)
+    with replacing(path) as unfinished:
+        np.save(unfinished, array)

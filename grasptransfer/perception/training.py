@@ -16,7 +16,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
-from grasptransfer.files import writing
+from grasptransfer.files import replacing, writing
 from grasptransfer.perception.augmentation import Inputs, training_batch
 from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset, state_of
 from grasptransfer.perception.estimators import check_device
@@ -148,9 +148,7 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
     network.eval()
     device = next(network.parameters()).device
     collected: list[dict[str, float]] = []
-    parts = [
-        np.arange(len(held_out))[start:][: config.batch] for start in range(0, len(held_out), config.batch)
-    ]
+    parts = np.split(np.arange(len(held_out)), range(config.batch, len(held_out), config.batch))
     with torch.inference_mode():
         for part in parts:
             (pictures, numbers), targets = training_batch(held_out, part, rng)
@@ -242,9 +240,8 @@ class _Run:
             "optimiser": self.optimiser.state_dict(),
         }
         name = FULL_RATE if self.step <= decay_start(self.config.steps) else FALLING_RATE
-        unfinished = self.folder / "checkpoint.part"
-        torch.save(state, unfinished)
-        os.replace(unfinished, self.folder / name)
+        with replacing(self.folder / name) as unfinished:
+            torch.save(state, unfinished)
 
     def log(self, terms: dict[str, float]):
         path = self.folder / "log.csv"
