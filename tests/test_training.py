@@ -23,6 +23,7 @@ from grasptransfer.perception.model_card import write_card
 from grasptransfer.perception.networks import Prediction, build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.networks.picture_features import load_picture_features
+from grasptransfer.perception.processes import Place, join_processes
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.samples import render_sample
 from grasptransfer.perception.scenes import NO_NOISE
@@ -436,6 +437,39 @@ def test_training_without_test_instances_warns(folder, tmp_path, monkeypatch, ca
     config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
     train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
     assert "mycup has no test instances" in caplog.text
+
+
+@pytest.mark.parametrize(("device", "backend", "own"), [("cpu", "gloo", "cpu"), ("cuda", "nccl", "cuda:1")])
+def test_a_process_joins_the_others_with_a_device_of_its_own(device, backend, own, monkeypatch):
+    for name, value in {"RANK": 3, "WORLD_SIZE": 4, "LOCAL_RANK": 1}.items():
+        monkeypatch.setenv(name, str(value))
+    chosen, joined = [], []
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "set_device", chosen.append)
+    monkeypatch.setattr(torch.distributed, "init_process_group", lambda *args, **_: joined.append(args))
+    place = join_processes(device)
+    assert (place.rank, place.world, place.device) == (3, 4, torch.device(own))
+    assert joined == [(backend,)]
+    assert chosen == ([] if device == "cpu" else [place.device])
+
+
+def test_only_the_first_process_renders_and_the_others_wait_for_it(monkeypatch, tmp_path):
+    done = []
+    monkeypatch.setattr(torch.distributed, "barrier", lambda: done.append("waited"))
+    monkeypatch.setattr(training_module, "build_dataset", lambda *_, **__: done.append("rendered"))
+    monkeypatch.setattr(Dataset, "__init__", lambda *_: done.append("opened"))
+    config = TrainingConfig((MUG,))
+    for rank, rendered in ((0, ["rendered"] * 2), (1, [])):
+        done.clear()
+        training_module._data_sets(config, tmp_path, Place(rank, 2, torch.device("cpu")), 1, None)
+        assert done == [*rendered, "waited", "opened", "opened"]
+
+
+def test_a_batch_that_the_processes_cannot_share_is_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(training_module, "join_processes", lambda _: Place(0, 3, torch.device("cpu")))
+    places = {"run_folder": tmp_path / "run", "output": tmp_path / "a.safetensors"}
+    with pytest.raises(SettingsError, match="batch"):
+        train(TrainingConfig((MUG,), batch=32), **places, device="cpu")
 
 
 def test_two_processes_train_one_network(folder, tmp_path):

@@ -3,7 +3,6 @@
 import csv
 import json
 import logging
-import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -24,6 +23,7 @@ from grasptransfer.perception.losses import training_loss
 from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.prefetch import prefetch
+from grasptransfer.perception.processes import Place, join_processes
 from grasptransfer.perception.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
 from grasptransfer.perception.training_shapes import without_held_out
 from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
@@ -103,26 +103,23 @@ def train(
         Scores of the ensemble, and of each member by itself: how far those differ is what another
         training may differ by.
     """
-    rank, world = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
+    place = join_processes(choose_device(device))
+    if config.batch % place.world:
+        raise SettingsError("must be a multiple of the number of processes", key="batch", value=config.batch)
     with writing(run_folder):
         run_folder.mkdir(parents=True, exist_ok=True)
     _check_writable(output)
-    if world > 1 and not torch.distributed.is_initialized():
-        torch.distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
-    if rank == 0:
+    if place.first:
         for name in without_held_out(config.categories):
             logger.warning("%s has no test instances: its scores and confidence are of trained shapes", name)
-        _data_sets(config, run_folder, workers, on_render)
-    if world > 1:
-        torch.distributed.barrier()
-    training_set, held_out_set = _data_sets(config, run_folder, workers, None)
+    training_set, held_out_set = _data_sets(config, run_folder / "data", place, workers, on_render)
     members: list[torch.nn.Module] = []
     for number in range(config.members):
-        run = _Run(config, number, run_folder, torch.device(choose_device(device)), rank, world)
+        run = _Run(config, number, run_folder, place)
         run.finish(training_set, on_step)
         members.append(run.network)
     ensemble = Ensemble(members)
-    if rank == 0:
+    if place.first:
         trained = {category.name: trained_on(category) for category in config.categories}
         save_weights(output, ensemble, WeightsInfo(config.network, trained))
     alone = [evaluate(member, held_out_set, config) for member in members]
@@ -168,22 +165,20 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
 class _Run:
     """Network and optimiser of one member, restored from its last checkpoint."""
 
-    def __init__(
-        self, config: TrainingConfig, member: int, folder: Path, device: torch.device, rank: int, world: int
-    ):
+    def __init__(self, config: TrainingConfig, member: int, folder: Path, place: Place):
         self.config, self.member, self.folder = config, member, member_folder(folder, member)
-        self.device, self.rank, self.world = device, rank, world
+        self.place = place
         self.seed = config.seed + member
         self.folder.mkdir(exist_ok=True)
         torch.manual_seed(self.seed)
         self.network = build_network(config.network, len(config.categories))
-        channels_last(self.network, device)
+        channels_last(self.network, place.device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
         self.step, self.seconds = 0, 0.0
         self._restore()
-        self.parallel = DistributedDataParallel(self.network) if world > 1 else self.network
+        self.parallel = DistributedDataParallel(self.network) if place.world > 1 else self.network
 
     def finish(self, dataset: Dataset, on_step: Callable[[Progress], None] | None):
         """All steps that are left, logged and saved as they go."""
@@ -192,9 +187,10 @@ class _Run:
         clock, since = time.monotonic(), self.step
         recent: list[dict[str, torch.Tensor]] = []
         for inputs, targets in batches:
-            recent.append(self.advance(inputs, targets))
-            if self.rank:
+            terms = self.advance(inputs, targets)
+            if not self.place.first:
                 continue
+            recent.append(terms)
             if self.step % LOGGED_STEPS == 0 or self.step == self.config.steps:
                 spent = time.monotonic() - clock
                 speed = (self.step - since) * self.config.batch / spent
@@ -212,15 +208,16 @@ class _Run:
 
     def batch_of(self, number: int, dataset: Dataset):
         # Every batch follows from its number alone, so a resumed run sees what an unbroken one would.
-        rng = np.random.default_rng([self.seed, 4, number, self.rank])
-        indices = rng.integers(len(dataset), size=self.config.batch // self.world)
+        rng = np.random.default_rng([self.seed, 4, number, self.place.rank])
+        indices = rng.integers(len(dataset), size=self.config.batch // self.place.world)
         return training_batch(dataset, np.sort(indices), rng)
 
     def advance(self, inputs: Inputs, targets: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-        pictures = inputs[0].to(self.device, memory_format=torch.channels_last)
-        targets = {name: value.to(self.device) for name, value in targets.items()}
-        with torch.autocast(self.device.type, dtype=torch.bfloat16):
-            prediction = self.parallel(pictures, inputs[1].to(self.device))
+        device = self.place.device
+        pictures = inputs[0].to(device, memory_format=torch.channels_last)
+        targets = {name: value.to(device) for name, value in targets.items()}
+        with torch.autocast(device.type, dtype=torch.bfloat16):
+            prediction = self.parallel(pictures, inputs[1].to(device))
         terms = training_loss(prediction, targets, self.config.loss)
         for group in self.optimiser.param_groups:
             group["lr"] = learning_rate(self.step, self.config.steps, self.config.learning_rate)
@@ -278,7 +275,7 @@ class _Run:
             path = self.folder / name
             if not path.exists():
                 continue
-            state = torch.load(path, map_location=self.device, weights_only=True)
+            state = torch.load(path, map_location=self.place.device, weights_only=True)
             other = json.loads(state["config"])
             if {**other, "steps": 0} != {**own, "steps": 0}:
                 raise SettingsError(
@@ -291,7 +288,10 @@ class _Run:
         return None
 
 
-def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) -> tuple[Dataset, Dataset]:
+def _data_sets(
+    config: TrainingConfig, folder: Path, place: Place, workers: int, on_render
+) -> tuple[Dataset, Dataset]:
+    """Training and held-out samples; the first process renders what is missing while the others wait."""
     training = DatasetConfig(config.categories, config.samples, config.seed)
     held_out = DatasetConfig(
         config.categories,
@@ -301,11 +301,12 @@ def _data_sets(config: TrainingConfig, folder: Path, workers: int, on_render) ->
         sprites=120,
         held_out=True,
     )
-    folders = [
-        build_dataset(part, folder / "data", workers=workers, progress=on_render)
-        for part in (training, held_out)
-    ]
-    return Dataset(folders[0]), Dataset(folders[1])
+    if place.first:
+        for part in (training, held_out):
+            build_dataset(part, folder, workers=workers, progress=on_render)
+    if place.world > 1:
+        torch.distributed.barrier()
+    return Dataset(folder / training.digest()), Dataset(folder / held_out.digest())
 
 
 def choose_device(device: str) -> str:
