@@ -14,6 +14,7 @@ import torch
 from grasptransfer.category import load_category
 from grasptransfer.errors import SettingsError, WeightsError
 from grasptransfer.perception import dataset as dataset_module
+from grasptransfer.perception import model_card
 from grasptransfer.perception import training as training_module
 from grasptransfer.perception.augmentation import network_input, training_batch
 from grasptransfer.perception.confidence import Confidence
@@ -28,6 +29,7 @@ from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.samples import render_sample
 from grasptransfer.perception.scenes import NO_NOISE
 from grasptransfer.perception.training import TrainingConfig, train
+from grasptransfer.perception.training_log import append_row, drop_rows_after, read_rows
 from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
 from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
 
@@ -410,6 +412,47 @@ def test_a_card_states_each_member_and_how_far_another_training_may_end_from_the
     # Two standard deviations, 2 x 0.283, widened for a mean of two.
     assert ("mean offset error 6.20 mm ± 0.69 mm" in card) == (members == 2)
     assert ("mean flow error 4.00 px of 256 ± 0.08 px" in card) == (members == 2)
+
+
+def test_a_resumed_run_logs_every_step_once(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(training_module, "LOGGED_STEPS", 1)
+    monkeypatch.setattr(training_module, "CHECKPOINT_STEPS", 2)
+
+    class Killed(Exception):
+        pass
+
+    def kill(progress):
+        if progress.step == 3:  # logged, but after the last checkpoint
+            raise Killed
+
+    data = Dataset(folder)
+    monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
+    config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=4, batch=2)
+    places = {"run_folder": tmp_path / "run", "output": tmp_path / "a.safetensors", "device": "cpu"}
+    with pytest.raises(Killed):
+        train(config, **places, on_step=kill)
+    train(config, **places)
+    rows = read_rows(training_module.member_folder(tmp_path / "run", 0))
+    assert [row["step"] for row in rows] == ["1", "2", "3", "4"]
+
+
+def test_a_log_without_checkpoint_is_begun_anew(tmp_path):
+    for log in ("", "step,seconds,iou\n", "step,seconds,iou\n50,1.0,0.5\n"):
+        (tmp_path / "log.csv").write_text(log)
+        drop_rows_after(tmp_path, 0)
+        append_row(tmp_path, 50, 1.0, {"iou": 0.6})
+        assert read_rows(tmp_path) == [{"step": "50", "seconds": "1.0", "iou": "0.6"}]
+
+
+def test_the_curve_of_a_card_joins_members_by_step(tmp_path):
+    row = {"seconds": "1", "offset_mm": "9", "flow_px": "8"}
+    logs = [
+        [row | {"step": str(step), "iou": f"0.{step}"} for step in steps] for steps in ((1, 2, 3), (1, 3))
+    ]
+    assert model_card._curve(logs) == [
+        ("1", "9 / 8 / 0.1", "9 / 8 / 0.1"),
+        ("3", "9 / 8 / 0.3", "9 / 8 / 0.3"),
+    ]
 
 
 def test_a_card_says_which_scores_are_of_trained_shapes(tmp_path):

@@ -1,6 +1,5 @@
 """The card beside each weight file: data, seed, command, time and scores."""
 
-import csv
 import os
 import shlex
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from grasptransfer.files import write_whole
 from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
+from grasptransfer.perception.training_log import read_rows
 from grasptransfer.perception.training_shapes import has_generator, without_held_out
 
 CURVE_ROWS = 12
@@ -49,7 +49,7 @@ def write_card(
 def _card(
     weights: Path, config: TrainingConfig, scores: Sequence[Scores], confidence: Confidence, run_folder: Path
 ) -> str:
-    logs = [_log(member_folder(run_folder, number) / "log.csv") for number in range(config.members)]
+    logs = [read_rows(member_folder(run_folder, number)) for number in range(config.members)]
     hours = sum(float(log[-1]["seconds"]) for log in logs) / 3600
     members = tuple(f"member {number}" for number in range(config.members))
     parts = [
@@ -90,12 +90,13 @@ def _spread(alone: Sequence[Scores]) -> str:
 
 
 def _curve(logs: list[list[dict[str, str]]]) -> list[tuple[str, ...]]:
-    every = max(len(logs[0]) // CURVE_ROWS, 1)
     shown = ("offset_mm", "flow_px", "iou")
-    return [
-        (rows[0]["step"], *(" / ".join(f"{float(row[name]):.3g}" for name in shown) for row in rows))
-        for rows in list(zip(*logs, strict=False))[::every]
+    members = [
+        {row["step"]: " / ".join(f"{float(row[name]):.3g}" for name in shown) for row in log} for log in logs
     ]
+    steps = [step for step in members[0] if all(step in member for member in members)]
+    every = max(len(steps) // CURVE_ROWS, 1)
+    return [(step, *(member[step] for member in members)) for step in steps[::every]]
 
 
 def _what_it_is(config: TrainingConfig, hours: float) -> str:
@@ -156,11 +157,6 @@ def _given(categories: Sequence[Category]) -> str:
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in (head, ("---",) * len(head), *rows))
-
-
-def _log(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def _device() -> str:

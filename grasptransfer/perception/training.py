@@ -1,6 +1,5 @@
 """Training: one process or several (torchrun), CPU or CUDA, resumable after a kill."""
 
-import csv
 import json
 import logging
 import tempfile
@@ -25,6 +24,7 @@ from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.prefetch import prefetch
 from grasptransfer.perception.processes import Place, join_processes
 from grasptransfer.perception.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
+from grasptransfer.perception.training_log import append_row, drop_rows_after
 from grasptransfer.perception.training_shapes import without_held_out
 from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
 
@@ -94,7 +94,7 @@ def train(
     """Render what is missing, train (or go on where a killed run stopped) and write the weights.
 
     Args:
-        run_folder: data sets, and for each member a folder with checkpoints and `log.csv`.
+        run_folder: data sets, and for each member a folder with checkpoints and a log.
         output: the `.safetensors` file, replaced once training is complete.
 
     Warns of categories of which nothing is held out.
@@ -199,7 +199,7 @@ class _Run:
                     name: float(np.mean([terms[name].item() for terms in recent])) for name in recent[0]
                 }
                 recent.clear()
-                self.log(values)
+                append_row(self.folder, self.step, self.seconds, values)
                 if on_step:
                     done, total = self.member * self.config.steps, self.config.members * self.config.steps
                     on_step(Progress(done + self.step, total, values, speed))
@@ -240,23 +240,14 @@ class _Run:
         with replacing(self.folder / name) as unfinished:
             torch.save(state, unfinished)
 
-    def log(self, terms: dict[str, float]):
-        path = self.folder / "log.csv"
-        fresh = not path.exists()
-        with path.open("a", newline="") as file:
-            writer = csv.writer(file)
-            if fresh:
-                writer.writerow(["step", "seconds", *terms])
-            values = (f"{value:.5g}" for value in terms.values())
-            writer.writerow([self.step, f"{self.seconds:.1f}", *values])
-
     def _restore(self):
         state = self._latest_checkpoint()
-        if state is None:
-            return
-        self.network.load_state_dict(state["network"])
-        self.optimiser.load_state_dict(state["optimiser"])
-        self.step, self.seconds = state["step"], state["seconds"]
+        if state is not None:
+            self.network.load_state_dict(state["network"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.step, self.seconds = state["step"], state["seconds"]
+        if self.place.first:
+            drop_rows_after(self.folder, self.step)
 
     def _settings(self) -> dict:
         """What this member depends on: how many others there are does not matter."""
