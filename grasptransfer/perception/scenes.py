@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
 from grasptransfer.perception.lighting import Lighting
-from grasptransfer.perception.views import look_at, sphere_views
+from grasptransfer.perception.views import VIEWPOINTS, look_at, sphere_views
 
 PICTURE = (640, 480)  # px: the virtual camera before the zoom
 
@@ -52,13 +52,14 @@ def draw_camera(rng: np.random.Generator) -> Camera:
 def draw_pose(camera: Camera, radius: float, rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
     """A pose whose object of this radius [m] covers a plausible part of the picture.
 
-    A third are the paper's 74 views, a half are views from above as a robot has them, the rest any.
+    Of all, 30 % are the paper's 74 views, 55 % look from about level to steeply down as a robot does, the
+    rest are any.
     """
     size = np.exp(rng.uniform(np.log(70), np.log(400)))  # px across
     distance = camera.fx * 2 * radius / size
     kind = rng.random()
     if kind < 0.3:
-        rotation = sphere_views(1.0)[rng.integers(74)][:3, :3]
+        rotation = sphere_views(1.0)[rng.integers(VIEWPOINTS)][:3, :3]
     elif kind < 0.85:
         elevation = rng.uniform(np.deg2rad(-5), np.deg2rad(75))
         rotation = look_at(1.0, rng.uniform(0, 2 * np.pi), elevation, roll=rng.normal(0, np.deg2rad(8)))[
