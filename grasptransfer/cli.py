@@ -26,7 +26,7 @@ from grasptransfer.report.command_line import demo, simulate, transfer
 from grasptransfer.report.progress import progress_bar
 
 if TYPE_CHECKING:
-    from grasptransfer.perception.training import Progress, TrainingConfig
+    from grasptransfer.perception.learning.training import Progress, TrainingConfig
 
 console = Console(markup=False)
 
@@ -71,8 +71,8 @@ def train(
     """
     from grasptransfer.category import list_categories, load_category
     from grasptransfer.perception.estimators import check_device
-    from grasptransfer.perception.model_card import default_output
-    from grasptransfer.perception.training import TrainingConfig
+    from grasptransfer.perception.learning.model_card import default_output
+    from grasptransfer.perception.learning.training import TrainingConfig
 
     loaded = tuple(load_category(category) for category in categories or list_categories())
     config = TrainingConfig(
@@ -99,10 +99,10 @@ def train(
 def _train_with_progress(
     config: "TrainingConfig", output: Path, run: Path, device: str, workers: int
 ) -> None:
-    from grasptransfer.perception.confidence_fit import fit_confidence
-    from grasptransfer.perception.model_card import write_card
-    from grasptransfer.perception.training import HELD_OUT_SEED
-    from grasptransfer.perception.training import train as run_training
+    from grasptransfer.perception.learning.confidence_fit import fit_confidence
+    from grasptransfer.perception.learning.model_card import write_card
+    from grasptransfer.perception.learning.training import HELD_OUT_SEED
+    from grasptransfer.perception.learning.training import train as run_training
 
     with progress_bar(console) as progress:
         rendering = progress.add_task("rendering", total=None)
@@ -133,7 +133,7 @@ def _train_with_progress(
 
 def _check_choices(config: "TrainingConfig") -> None:
     """Refuse, as the two checks below do, what would fail only after an hour of rendering."""
-    from grasptransfer.perception.losses import LOSSES
+    from grasptransfer.perception.learning.losses import LOSSES
     from grasptransfer.perception.networks import network_names
 
     names = [category.name for category in config.categories]

@@ -70,6 +70,16 @@ def test_importing_the_package_loads_no_heavy_library():
     assert output.stdout.strip() == "[]"
 
 
+def test_an_estimator_runs_without_what_trains_its_network():
+    code = (
+        "import sys, grasptransfer.perception.rgb; print([m for m in sys.modules if m.startswith('grasp')])"
+    )
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "grasptransfer.perception.weights" in output
+    assert "grasptransfer.perception.learning" not in output
+    assert "grasptransfer.shapes" not in output
+
+
 def test_no_module_is_named_after_nothing():
     names = {path.stem for path in MODULES}
     assert not names & {"utils", "util", "common", "helpers", "misc"}

@@ -6,7 +6,12 @@ import torch
 
 from grasptransfer.category import load_category
 from grasptransfer.perception.confidence import Confidence, evidence
-from grasptransfer.perception.confidence_fit import Seen, fit_confidence, fit_overconfidence, fit_score
+from grasptransfer.perception.learning.confidence_fit import (
+    Seen,
+    fit_confidence,
+    fit_overconfidence,
+    fit_score,
+)
 from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on

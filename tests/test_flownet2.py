@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from grasptransfer.perception.losses import training_loss
+from grasptransfer.perception.learning.losses import training_loss
 from grasptransfer.perception.networks import FLOW_UNIT
 from grasptransfer.perception.networks.flownet2 import REACH, STEP, FlowNet2, correlation, warp
 

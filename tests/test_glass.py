@@ -8,7 +8,7 @@ import pytest
 from grasptransfer.benchmark import glass
 from grasptransfer.benchmark.glass import GlassSettings, measure_glass, summarise_glass
 from grasptransfer.perception.baselines import RigidEstimator
-from grasptransfer.perception.scenes import PoseNoise
+from grasptransfer.perception.learning.scenes import PoseNoise
 
 SETTINGS = GlassSettings(("bottle",), views=1, methods=("rigid",))
 

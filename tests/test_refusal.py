@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grasptransfer.benchmark.refusal import RANDOM, summarise
-from grasptransfer.perception.random_objects import draw_random_object
+from grasptransfer.perception.learning.random_objects import draw_random_object
 
 
 def _row(shown: str, score: float) -> dict:

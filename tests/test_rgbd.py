@@ -12,10 +12,10 @@ from grasptransfer.benchmark.glass import GlassSettings, sense
 from grasptransfer.benchmark.seen_instances import Instance, load_instance, observe_instance, see_instance
 from grasptransfer.frames import rotation_angle
 from grasptransfer.perception.estimate import ShapeEstimate, with_certain_pose
+from grasptransfer.perception.learning.scenes import PoseNoise
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.rgbd import RgbdEstimator
-from grasptransfer.perception.scenes import PoseNoise
 from grasptransfer.registration import DeformationField
 
 

@@ -13,24 +13,24 @@ import torch
 
 from grasptransfer.category import load_category
 from grasptransfer.errors import SettingsError, WeightsError
-from grasptransfer.perception import dataset as dataset_module
-from grasptransfer.perception import model_card
-from grasptransfer.perception import training as training_module
-from grasptransfer.perception.augmentation import network_input, training_batch
 from grasptransfer.perception.confidence import Confidence
-from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset
-from grasptransfer.perception.losses import training_loss
-from grasptransfer.perception.model_card import write_card
+from grasptransfer.perception.learning import dataset as dataset_module
+from grasptransfer.perception.learning import model_card
+from grasptransfer.perception.learning import training as training_module
+from grasptransfer.perception.learning.augmentation import network_input, training_batch
+from grasptransfer.perception.learning.dataset import Dataset, DatasetConfig, build_dataset
+from grasptransfer.perception.learning.log import append_row, drop_rows_after, read_rows
+from grasptransfer.perception.learning.losses import training_loss
+from grasptransfer.perception.learning.model_card import write_card
+from grasptransfer.perception.learning.processes import Place, join_processes
+from grasptransfer.perception.learning.samples import render_sample
+from grasptransfer.perception.learning.scenes import NO_NOISE
+from grasptransfer.perception.learning.training import TrainingConfig, train
+from grasptransfer.perception.learning.training_shapes import draw_training_shape, training_canonical
 from grasptransfer.perception.networks import Prediction, build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.networks.picture_features import load_picture_features
-from grasptransfer.perception.processes import Place, join_processes
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.samples import render_sample
-from grasptransfer.perception.scenes import NO_NOISE
-from grasptransfer.perception.training import TrainingConfig, train
-from grasptransfer.perception.training_log import append_row, drop_rows_after, read_rows
-from grasptransfer.perception.training_shapes import draw_training_shape, training_canonical
 from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
 
 MUG = load_category("mug")
@@ -537,8 +537,8 @@ from pathlib import Path
 import torch
 
 from grasptransfer.category import load_category
-from grasptransfer.perception import training
-from grasptransfer.perception.dataset import Dataset
+from grasptransfer.perception.learning import training
+from grasptransfer.perception.learning.dataset import Dataset
 
 torch.set_num_threads(1)
 data, out = Dataset(Path(sys.argv[1])), Path(sys.argv[2])

@@ -30,9 +30,9 @@ from grasptransfer.grasping.ranking import (
     expected_success,
     grasp_features,
 )
+from grasptransfer.perception.learning.scenes import NO_NOISE, PoseNoise
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
-from grasptransfer.perception.scenes import NO_NOISE, PoseNoise
 from grasptransfer.simulation import simulate
 from grasptransfer.transfer import GraspTransfer
 

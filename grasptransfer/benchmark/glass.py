@@ -23,9 +23,9 @@ from grasptransfer.benchmark.seen_instances import (
 from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
+from grasptransfer.perception.learning.scenes import PoseNoise
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.scenes import PoseNoise
 
 WALL = (0.05, 0.40)  # m behind the object
 USE_DEPTH = ("cls", "cpd")

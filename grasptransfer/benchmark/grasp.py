@@ -23,8 +23,8 @@ from grasptransfer.benchmark.seen_instances import (
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_gripper
+from grasptransfer.perception.learning.scenes import NO_NOISE, PoseNoise
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.scenes import NO_NOISE, PoseNoise
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import load_protocol, simulate
 from grasptransfer.transfer import GraspTransfer

@@ -8,9 +8,9 @@ import numpy as np
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.seen_instances import Instance, instances, observe_instance, spread_views
 from grasptransfer.category import Category, load_category
-from grasptransfer.perception.dataset import OF_NO_CATEGORY as RANDOM
 from grasptransfer.perception.estimate import EstimateStatus
-from grasptransfer.perception.random_objects import draw_random_object
+from grasptransfer.perception.learning.dataset import OF_NO_CATEGORY as RANDOM
+from grasptransfer.perception.learning.random_objects import draw_random_object
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.registration import DeformationField

@@ -15,8 +15,8 @@ from grasptransfer.benchmark.registration_summary import MethodScores, summarise
 from grasptransfer.benchmark.seen_instances import instance_names, load_instance, see_instance, spread_views
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import rotation_angle
+from grasptransfer.perception.learning.scenes import PoseNoise
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.scenes import PoseNoise
 
 
 @dataclass(frozen=True)

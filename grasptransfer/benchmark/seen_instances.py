@@ -13,10 +13,10 @@ from grasptransfer import shapes
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.errors import MeshError, SettingsError
-from grasptransfer.perception.backgrounds import draw_backdrop
+from grasptransfer.perception.learning.backgrounds import draw_backdrop
+from grasptransfer.perception.learning.scenes import PoseNoise, draw_lighting
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.scenes import PoseNoise, draw_lighting
 from grasptransfer.perception.views import VIEWPOINTS, sphere_views
 from grasptransfer.registration import DeformationField, cpd
 from grasptransfer.shapes.canonical_surface import CanonicalSurface, surface_of

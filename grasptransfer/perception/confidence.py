@@ -1,4 +1,4 @@
-"""How sure an estimate may be: numbers fitted to each network once it is trained (`confidence_fit`)."""
+"""How sure an estimate may be: numbers fitted to each trained network (`learning/confidence_fit.py`)."""
 
 from dataclasses import asdict, dataclass
 

@@ -29,6 +29,16 @@ def check_device(device: str) -> None:
         raise SettingsError(problem, key="device", value=device, choices=here)
 
 
+def choose_device(device: str) -> str:
+    """ "cpu" or "cuda"; "auto" takes a GPU where there is one."""
+    check_device(device)
+    if device == "auto":
+        import torch
+
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    return device
+
+
 def make_estimator(
     estimator: str | Estimator, category: Category, *, refine_pose: bool = True, device: str = "auto"
 ) -> Estimator:

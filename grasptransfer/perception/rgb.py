@@ -13,10 +13,11 @@ from grasptransfer.camera import Camera
 from grasptransfer.category import Category
 from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
-from grasptransfer.perception.augmentation import network_input
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.confidence import Evidence, evidence
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
+from grasptransfer.perception.estimators import choose_device
+from grasptransfer.perception.network_input import network_input, view_from_object, zoom_for
 from grasptransfer.perception.networks import (
     FLOW_UNIT,
     LATENT_SIZE,
@@ -34,7 +35,6 @@ from grasptransfer.perception.pose_and_shape import (
     fit_pose_and_shape,
 )
 from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.samples import view_from_object, zoom_for
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
@@ -98,8 +98,6 @@ class RgbEstimator:
         pose_prior: PosePrior | None = None,
         device: str = "auto",
     ):
-        from grasptransfer.perception.training import choose_device
-
         self.category, self.refine_pose = category, refine_pose
         self._model = ShapedModel(category)
         self.pose_prior = pose_prior or TOLD_POSE

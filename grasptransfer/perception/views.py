@@ -1,7 +1,8 @@
-"""Viewpoints: the 74 of the paper, and random ones for training."""
+"""Viewpoints: the 74 of the paper, others by their angles, and the turn towards a point."""
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 RINGS, MERIDIANS = 6, 12
 VIEWPOINTS = RINGS * MERIDIANS + 2  # with the two poles: 74 vertices of a tessellated sphere
@@ -41,3 +42,8 @@ def look_at(
     camera_from_object[:3, :3] = turn @ rotation
     camera_from_object[2, 3] = distance
     return camera_from_object
+
+
+def towards(point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """The least rotation that takes the optical axis to the ray through `point`."""
+    return Rotation.align_vectors([point / np.linalg.norm(point)], [[0.0, 0.0, 1.0]])[0].as_matrix()

@@ -138,7 +138,7 @@ def glass(
     """
     from grasptransfer.benchmark.glass import GlassSettings, run_glass_benchmark
     from grasptransfer.perception.depth_sensor import DepthSensor
-    from grasptransfer.perception.scenes import PoseNoise
+    from grasptransfer.perception.learning.scenes import PoseNoise
 
     sensor = DepthSensor(through=through)
     noise = PoseNoise(translation, math.radians(rotation)) if translation or rotation else None

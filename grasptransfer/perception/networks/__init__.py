@@ -24,7 +24,7 @@ class Prediction(NamedTuple):
 
     Args:
         offset: how much farther the assumed model's point seen in the cell is displaced, view axes
-            (`samples.view_from_object`) [OFFSET_UNIT].
+            (`network_input.view_from_object`) [OFFSET_UNIT].
         offset_log_scale: logarithm of its Laplace scale [OFFSET_UNIT].
         flow: from the cell's pixel to where the point is observed [FLOW_UNIT].
         flow_log_scale: logarithm of its Laplace scale [FLOW_UNIT].

@@ -15,17 +15,17 @@ from torch.nn.parallel import DistributedDataParallel
 from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import replacing, writing
-from grasptransfer.perception.augmentation import Inputs, training_batch
-from grasptransfer.perception.dataset import Dataset, DatasetConfig, build_dataset, state_of
-from grasptransfer.perception.estimators import check_device
-from grasptransfer.perception.losses import training_loss
+from grasptransfer.perception.estimators import choose_device
+from grasptransfer.perception.learning.augmentation import Inputs, training_batch
+from grasptransfer.perception.learning.dataset import Dataset, DatasetConfig, build_dataset, state_of
+from grasptransfer.perception.learning.log import append_row, drop_rows_after
+from grasptransfer.perception.learning.losses import training_loss
+from grasptransfer.perception.learning.prefetch import prefetch
+from grasptransfer.perception.learning.processes import Place, join_processes
+from grasptransfer.perception.learning.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
+from grasptransfer.perception.learning.training_shapes import without_held_out
 from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.networks.ensemble import Ensemble
-from grasptransfer.perception.prefetch import prefetch
-from grasptransfer.perception.processes import Place, join_processes
-from grasptransfer.perception.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
-from grasptransfer.perception.training_log import append_row, drop_rows_after
-from grasptransfer.perception.training_shapes import without_held_out
 from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
 
 logger = logging.getLogger(__name__)
@@ -298,11 +298,3 @@ def _data_sets(
     if place.world > 1:
         torch.distributed.barrier()
     return Dataset(folder / training.digest()), Dataset(folder / held_out.digest())
-
-
-def choose_device(device: str) -> str:
-    """ "cpu" or "cuda"; "auto" takes a GPU where there is one."""
-    check_device(device)
-    if device == "auto":
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    return device

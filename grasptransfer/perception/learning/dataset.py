@@ -19,8 +19,8 @@ from grasptransfer.category import Category
 from grasptransfer.category.category import PREVIEW
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import replacing, write_whole
-from grasptransfer.perception.backgrounds import draw_background
-from grasptransfer.perception.samples import Sample
+from grasptransfer.perception.learning.backgrounds import draw_background
+from grasptransfer.perception.learning.samples import Sample
 
 SHARD = 128  # samples a file
 VIEWS_PER_SHAPE = 4  # drawing a shape costs more than a view of it
@@ -160,13 +160,13 @@ def _shard_path(target: Path, index: int) -> Path:
 
 
 def _write_shard(config: DatasetConfig, target: Path, index: int):
-    from grasptransfer.perception.rendering import Renderer
-    from grasptransfer.perception.samples import render_sample
-    from grasptransfer.perception.training_shapes import (
+    from grasptransfer.perception.learning.samples import render_sample
+    from grasptransfer.perception.learning.training_shapes import (
         draw_training_shape,
         instances_of,
         training_canonical,
     )
+    from grasptransfer.perception.rendering import Renderer
 
     rng = np.random.default_rng([config.seed, 1, index])
     canonicals = [training_canonical(category) for category in config.categories]
@@ -202,9 +202,9 @@ def sprite_names(count: int) -> list[str]:
 def _write_sprites(config: DatasetConfig, target: Path):
     from grasptransfer import shapes
     from grasptransfer.camera import Camera
-    from grasptransfer.perception.random_objects import draw_random_object
+    from grasptransfer.perception.learning.random_objects import draw_random_object
+    from grasptransfer.perception.learning.scenes import draw_lighting
     from grasptransfer.perception.rendering import Renderer
-    from grasptransfer.perception.scenes import draw_lighting
     from grasptransfer.perception.views import look_at
 
     rng = np.random.default_rng([config.seed, 2])

@@ -11,10 +11,10 @@ import torch
 from grasptransfer.category import Category, objects_folder
 from grasptransfer.files import write_whole
 from grasptransfer.perception.confidence import Confidence
+from grasptransfer.perception.learning.log import read_rows
+from grasptransfer.perception.learning.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
+from grasptransfer.perception.learning.training_shapes import has_generator, without_held_out
 from grasptransfer.perception.networks import build_network
-from grasptransfer.perception.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
-from grasptransfer.perception.training_log import read_rows
-from grasptransfer.perception.training_shapes import has_generator, without_held_out
 
 CURVE_ROWS = 12
 LEAST_SPREAD = 0.02

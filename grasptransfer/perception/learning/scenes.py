@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
 from grasptransfer.perception.lighting import Lighting
-from grasptransfer.perception.views import VIEWPOINTS, look_at, sphere_views
+from grasptransfer.perception.views import VIEWPOINTS, look_at, sphere_views, towards
 
 PICTURE = (640, 480)  # px: the virtual camera before the zoom
 
@@ -73,11 +73,6 @@ def draw_pose(camera: Camera, radius: float, rng: np.random.Generator) -> Float[
     pose[:3, 3] = camera.unproject(pixel, np.array(distance))
     pose[:3, :3] = towards(pose[:3, 3]) @ rotation
     return pose
-
-
-def towards(point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """The least rotation that takes the optical axis to the ray through `point`."""
-    return Rotation.align_vectors([point / np.linalg.norm(point)], [[0.0, 0.0, 1.0]])[0].as_matrix()
 
 
 def draw_lighting(rng: np.random.Generator) -> Lighting:

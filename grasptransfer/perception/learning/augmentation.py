@@ -8,32 +8,12 @@ from jaxtyping import Float32, Int64, UInt8
 from PIL import Image, ImageFilter
 from torch import Tensor
 
-from grasptransfer.perception.dataset import Dataset
+from grasptransfer.perception.learning.dataset import Dataset
+from grasptransfer.perception.network_input import network_input
 from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH, mask_cells
 
 STRANGERS = 0.12  # share of samples that show an object of another category
 Inputs = tuple[Float32[Tensor, "b 8 192 256"], Int64[Tensor, "b"]]  # pictures, number of the category
-
-
-def network_input(
-    observed: UInt8[np.ndarray, "b 192 256 3"],
-    boxes: Float32[np.ndarray, "b 4"],
-    coordinates: UInt8[np.ndarray, "b 192 256 3"],
-) -> Float32[Tensor, "b 8 192 256"]:
-    """Stack what the network sees: observed RGB and box, canonical coordinates and mask, each in [-1, 1].
-
-    Args:
-        boxes: (u0, v0, u1, v1) in zoomed pixels; NaN where no box is told (the mask is then 0 everywhere).
-    """
-    v, u = np.arange(ZOOM_HEIGHT)[:, None], np.arange(ZOOM_WIDTH)[None]
-    u0, v0, u1, v1 = (boxes[:, i, None, None] for i in range(4))
-    stacked = np.empty((*observed.shape[:3], 8), np.uint8)
-    stacked[..., :3], stacked[..., 4:7] = observed, coordinates
-    # Comparisons with NaN are false: an untold box gives an empty mask.
-    stacked[..., 3] = 255 * ((u >= u0) & (u <= u1) & (v >= v0) & (v <= v1))
-    stacked[..., 7] = 255 * ((coordinates[..., 0] | coordinates[..., 1] | coordinates[..., 2]) > 0)
-    # Converted before the axes are turned, the tensor is channels-last, as the network wants it.
-    return torch.from_numpy(stacked).float().div_(127.5).sub_(1).permute(0, 3, 1, 2)
 
 
 def training_batch(

@@ -12,9 +12,7 @@ from jaxtyping import Bool, Float, Float16, Float32, UInt8
 from grasptransfer.camera import Camera
 from grasptransfer.frames import transform_points
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
-from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, OFFSET_UNIT
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.scenes import (
+from grasptransfer.perception.learning.scenes import (
     TRAINING_NOISE_SHARES,
     TRAINING_NOISES,
     WIDE_NOISE,
@@ -22,21 +20,12 @@ from grasptransfer.perception.scenes import (
     draw_camera,
     draw_lighting,
     draw_pose,
-    towards,
 )
-from grasptransfer.perception.training_shapes import TrainingCanonical, TrainingShape
-from grasptransfer.perception.zoom import (
-    ZOOM_WIDTH,
-    Box,
-    centre_on_box,
-    enlarge,
-    projected_box,
-    union,
-    zoom_box,
-    zoom_camera,
-)
-
-NO_BOX_MARGIN = 1.3  # without a detection the canonical's own box, this much larger, is searched
+from grasptransfer.perception.learning.training_shapes import TrainingCanonical, TrainingShape
+from grasptransfer.perception.network_input import view_from_object, zoom_for
+from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, OFFSET_UNIT
+from grasptransfer.perception.rendering import Renderer
+from grasptransfer.perception.zoom import Box, centre_on_box, projected_box, zoom_camera
 
 
 @dataclass(frozen=True)
@@ -111,30 +100,6 @@ def true_motion(
     flow[cells] = (seen - view.cell_pixels) / FLOW_UNIT
     valid[cells] = known
     return offset, flow, valid
-
-
-def view_from_object(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3 3"]:
-    """Rotation from object axes to view axes: z along the ray to the object's origin, x right, y down.
-
-    In view axes an offset's first two components are what moves in the picture, wherever in it the
-    object is: far easier to learn than object axes, and the told pose turns them back exactly.
-    """
-    return towards(camera_from_object[:3, 3]).T @ camera_from_object[:3, :3]
-
-
-def zoom_for(model_box: Box, box: Box | None) -> tuple[Box, Float32[np.ndarray, "4"]]:
-    """The zoom's box in the whole picture, and the told box in zoomed pixels (NaN: none told).
-
-    Args:
-        model_box: around the model at the told pose.
-        box: around the object; None searches around the model.
-    """
-    if box is None:
-        return zoom_box(enlarge(model_box, NO_BOX_MARGIN)), np.full(4, np.nan, np.float32)
-    crop = zoom_box(union(model_box, box))
-    scale = ZOOM_WIDTH / (crop[2] - crop[0])
-    told = (np.array(box) - [crop[0], crop[1], crop[0], crop[1]]) * scale - 0.5
-    return crop, told.astype(np.float32)
 
 
 def _draw_assumed(latent: Float[np.ndarray, "k"], rng: np.random.Generator) -> Float[np.ndarray, "k"]:

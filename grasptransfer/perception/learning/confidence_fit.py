@@ -11,14 +11,19 @@ from scipy.optimize import minimize
 
 from grasptransfer import shapes
 from grasptransfer.category import Category
-from grasptransfer.perception.backgrounds import draw_backdrop
 from grasptransfer.perception.confidence import Confidence, Evidence
+from grasptransfer.perception.learning.backgrounds import draw_backdrop
+from grasptransfer.perception.learning.random_objects import draw_random_object
+from grasptransfer.perception.learning.scenes import draw_camera, draw_lighting, draw_pose
+from grasptransfer.perception.learning.training_shapes import (
+    draw_training_shape,
+    instances_of,
+    training_canonical,
+)
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.random_objects import draw_random_object
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
-from grasptransfer.perception.scenes import draw_camera, draw_lighting, draw_pose, towards
-from grasptransfer.perception.training_shapes import draw_training_shape, instances_of, training_canonical
+from grasptransfer.perception.views import towards
 from grasptransfer.perception.weights import load_weights, save_weights
 
 OCCLUDED = 0.25  # share of the pictures

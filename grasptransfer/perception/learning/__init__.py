@@ -1,0 +1,1 @@
+"""How networks are trained: random pictures, losses, runs and their cards; no estimator needs it."""
