@@ -10,6 +10,7 @@ from grasptransfer.frames import rigid, rotation_angle
 from grasptransfer.perception.baselines import depth_cloud
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.observation import observe
+from grasptransfer.registration import DeformationField
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +142,18 @@ def test_a_moved_camera_moves_the_grasps_with_it(true_flow, picture):
     here = true_flow.transfer(picture[0], POSE, camera=CAMERA).grasps[0]
     there = true_flow.transfer(picture[0], moved, camera=CAMERA).grasps[0]
     np.testing.assert_allclose(here.object_from_gripper, there.object_from_gripper, atol=1e-9)
+
+
+def test_a_picture_without_the_category_gives_no_usable_grasp(picture):
+    flow = gt.GraspTransfer("mug")
+    seen, black = (flow.transfer(image, POSE, camera=CAMERA) for image in (picture[0], 0 * picture[0]))
+    assert seen.usable
+    assert black.status is EstimateStatus.OUT_OF_CATEGORY
+    assert not black.usable
+    assert any("hardly shows" in grasp.reason for grasp in black.grasps)
+
+
+def test_a_told_category_is_trusted_beyond_what_the_picture_alone_says():
+    field = DeformationField.identity(np.eye(3))
+    trust = [ShapeEstimate(field, POSE, category_score=score).trust for score in (None, 0.0, 0.1, 0.5, 1.0)]
+    np.testing.assert_allclose(trust, [1, 0, 19 * 0.1 / (19 * 0.1 + 0.9), 0.95, 1])
