@@ -3,14 +3,17 @@ import json
 import h5py
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from scipy.spatial.transform import Rotation
 
+from grasptransfer.category import load_category
 from grasptransfer.errors import GraspFileError
 from grasptransfer.frames import rigid, transform_points
 from grasptransfer.grasping.formats import GraspSet, convert, read_grasps, write_grasps
-from grasptransfer.grasping.grasps import Grasp, load_grasps, save_grasps
+from grasptransfer.grasping.grasps import Grasp, expand_symmetry, load_grasps, save_grasps
 from grasptransfer.grasping.gripper import list_grippers, load_gripper
+from grasptransfer.simulation import simulate
 
 SUFFIXES = (".yaml", ".h5", ".npy", ".json")
 PANDA = load_gripper("panda")
@@ -162,3 +165,31 @@ def test_a_broken_file_is_named_and_nothing_is_written(tmp_path, name, what, say
 def test_an_unknown_target_is_refused_before_reading(tmp_path):
     with pytest.raises(GraspFileError, match="suffix"):
         convert(tmp_path / "a.json", tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".json"])
+def test_grasps_of_unknown_width_close_from_fully_open(tmp_path, suffix):
+    solid = trimesh.creation.box(extents=(0.04, 0.04, 0.1))
+    down = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.03]))
+    path = write_grasps(GraspSet((Grasp("top", "box", down, 0.04),)), tmp_path / f"a{suffix}")
+    (grasp,) = read_grasps(path).grasps
+    assert grasp.width is None
+    assert simulate([grasp], solid, PANDA)[0].held
+
+
+def test_a_category_s_grasp_file_gives_every_member_of_its_families(tmp_path):
+    mug = load_category("mug")
+    every = expand_symmetry(load_grasps(mug.grasps_path))
+    assert [grasp.name for grasp in read_grasps(mug.grasps_path).grasps] == [grasp.name for grasp in every]
+    assert convert(mug.grasps_path, tmp_path / "all.yaml") == len(every)
+
+
+def test_isaac_positions_in_millimetres_are_refused(tmp_path):
+    path = write_grasps(
+        GraspSet((Grasp("g", "box", rigid(np.eye(3), np.zeros(3)), 0.04),)), tmp_path / "a.yaml"
+    )
+    data = yaml.safe_load(path.read_text())
+    data["grasps"]["g"]["position"] = [-15.7, 28.8, 30.0]
+    path.write_text(yaml.safe_dump(data))
+    with pytest.raises(GraspFileError, match=r"a\.yaml.*millimetres"):
+        read_grasps(path)

@@ -5,6 +5,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from grasptransfer.category import load_category
 from grasptransfer.errors import GraspFileError, PoseError
 from grasptransfer.frames import rigid, transform_points
 from grasptransfer.grasping.grasps import Grasp, Symmetry, expand_symmetry, load_grasps, save_grasps
@@ -183,3 +184,29 @@ def test_the_file_is_plain_isaac_grasp_for_other_readers(folder):
     norm = np.hypot(grasp["orientation"]["w"], np.linalg.norm(grasp["orientation"]["xyz"]))
     assert len(grasp["position"]) == 3
     assert norm == pytest.approx(1, abs=1e-9)
+
+
+def test_contacts_that_a_file_leaves_out_are_measured_on_the_canonical_model(tmp_path):
+    mug = load_category("mug")
+    told = load_grasps(mug.grasps_path, category=mug)
+    data = yaml.safe_load(mug.grasps_path.read_text())
+    for entry in data["grasps"].values():
+        entry.pop("contacts", None)
+        entry.pop("width", None)
+    path = tmp_path / "grasps.yaml"
+    path.write_text(yaml.safe_dump(data, sort_keys=False))
+    assert all(grasp.width is None for grasp in load_grasps(path))
+    measured = {grasp.name: grasp for grasp in load_grasps(path, category=mug)}
+    for grasp in told:
+        assert measured[grasp.name].width == pytest.approx(grasp.width, abs=0.002)
+        assert np.linalg.norm(measured[grasp.name].contacts - grasp.contacts, axis=1).max() < 0.01
+    data["grasps"][told[0].name]["position"] = [0.0, 0.0, 0.5]
+    path.write_text(yaml.safe_dump(data, sort_keys=False))
+    with pytest.raises(GraspFileError, match="meet nothing"):
+        load_grasps(path, category=mug)
+
+
+def test_turns_that_share_a_name_are_refused():
+    symmetry = Symmetry(np.array([0, 0, 1.0]), np.zeros(3), degrees=(0, 360))
+    with pytest.raises(GraspFileError, match="share a name"):
+        expand_symmetry([Grasp("g", "g", np.eye(4), 0.02, symmetry=symmetry)])

@@ -1,5 +1,6 @@
 """Trials by the hundred: the same in every process, resumed after a stop, recorded, counted."""
 
+import dataclasses
 import os
 import signal
 
@@ -102,6 +103,16 @@ def test_a_recording_follows_the_object_from_the_approach_to_the_end():
     assert np.all(np.diff(recording.seconds) > 0)
     assert set(recording.world_from_link) == {link.name for link in PANDA.links}
     assert "recording" not in result.as_data()
+
+
+def test_no_film_is_written_outside_its_folder(tmp_path):
+    from grasptransfer.report.movie import save_movies
+
+    (trial,) = simulate(GRASPS[:1], BOX, frames=2)
+    named = dataclasses.replace(trial, grasp="../../rim/30deg")
+    (path,) = save_movies([named], BOX, PANDA, tmp_path / "a" / "films")
+    assert path.parent == tmp_path / "a" / "films"
+    assert path.is_file()
 
 
 def test_a_film_is_written_for_each_recorded_trial(tmp_path):

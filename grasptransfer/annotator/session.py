@@ -201,12 +201,13 @@ class Session:
         """Close the pads and check the gripper's way to a grasp."""
         grasp = self.grasp(name)
         opening = self.gripper.max_width if grasp.opening is None else grasp.opening
+        told = self.gripper.max_width if grasp.width is None else grasp.width
         points, width, offset = self._touched(grasp.canonical_from_gripper, opening)
         if width is None:
             # Nothing between wide-open pads may still be something between nearly closed ones.
-            closer = self.gripper.approach_opening(min(grasp.width, self.gripper.max_width))
+            closer = self.gripper.approach_opening(min(told, self.gripper.max_width))
             points, width, offset = self._touched(grasp.canonical_from_gripper, closer)
-        seen = replace(grasp, contacts=points, width=grasp.width if width is None else width)
+        seen = replace(grasp, contacts=points, width=told if width is None else width)
         check = check_grasps(on_canonical([seen]), self.world, self.gripper)[0]
         self._unseen.discard(name)
         return Measurement(check.status, check.reason, check.opening, width, points, offset)

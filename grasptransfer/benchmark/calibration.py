@@ -18,6 +18,7 @@ from grasptransfer.benchmark.seen_instances import (
     load_instance,
     observe_instance,
     random_names,
+    spread_views,
     viewpoints_of,
 )
 from grasptransfer.errors import SettingsError
@@ -92,6 +93,7 @@ def run_calibration(
     """
     if settings.objects < 2:
         raise SettingsError("must be at least 2", key="objects", value=settings.objects)
+    spread_views(settings.views)  # refuses a wrong number before the first picture
     names = random_names(settings.objects, FIRST_SEED)
     tasks = [(category, name) for category in settings.categories for name in names]
     found = measure_instances(_execute_on, settings, tasks, workers=workers, ledger=ledger, progress=progress)

@@ -1,12 +1,14 @@
 """A grasp of the canonical model, and its symmetry."""
 
 import dataclasses
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.errors import GraspFileError
 from grasptransfer.frames import check_rigid, rigid, transform_points
 
 DEFAULT_APPROACH_DISTANCE = 0.10  # m; a finger's length and a bit
@@ -51,7 +53,7 @@ class Grasp:
         name: unique in its file.
         label: what it is for (`rim`, `handle`, `hand-over`, ...).
         canonical_from_gripper: TCP pose (4, 4) [m].
-        width: distance between the pads when they touch [m].
+        width: distance between the pads when they touch [m]; None where nothing tells: they close from open.
         approach_distance: straight way along +z that ends at the grasp [m].
         contacts: points (2, 3) of the surface under the -x and the +x pad, canonical frame [m].
         symmetry: turns that give equally good grasps.
@@ -62,7 +64,7 @@ class Grasp:
     name: str
     label: str
     canonical_from_gripper: Float[np.ndarray, "4 4"]
-    width: float
+    width: float | None
     approach_distance: float = DEFAULT_APPROACH_DISTANCE
     contacts: Float[np.ndarray, "2 3"] | None = None
     symmetry: Symmetry | None = None
@@ -106,6 +108,9 @@ def expand_symmetry(grasps: Iterable[Grasp], *, flip: bool = False) -> tuple[Gra
 
     Args:
         flip: also turn every grasp half about its approach, whether or not its symmetry says so.
+
+    Raises:
+        GraspFileError: two members share a name.
     """
     expanded = []
     for grasp in grasps:
@@ -116,6 +121,9 @@ def expand_symmetry(grasps: Iterable[Grasp], *, flip: bool = False) -> tuple[Gra
             expanded.append(plain)
             if flip or (symmetry is not None and symmetry.flip):
                 expanded.append(flipped(plain))
+    for name, count in Counter(grasp.name for grasp in expanded).items():
+        if count > 1:
+            raise GraspFileError("two grasps, or turns of one, share a name", key="grasps", value=name)
     return tuple(expanded)
 
 

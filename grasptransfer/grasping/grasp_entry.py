@@ -74,8 +74,7 @@ def read_entry(name: str, data: object, gripper: Gripper, path: Path) -> Grasp:
         name=name,
         label=model.label or name,
         canonical_from_gripper=canonical_from_gripper,
-        # Without width and contacts nothing is known but that the gripper closes from fully open.
-        width=gripper.max_width if width is None else width,
+        width=width,
         approach_distance=model.approach_distance,
         contacts=contacts,
         symmetry=None if model.symmetry is None else _symmetry(model.symmetry, path, f"{key}.symmetry"),
@@ -170,7 +169,9 @@ def write_entry(grasp: Grasp) -> dict:
     """The entry of a grasp, plain numbers and names."""
     data: dict[str, Any] = {"label": grasp.label, "confidence": float(grasp.confidence)}
     data |= pose_as_data(grasp.canonical_from_gripper)
-    data |= {"width": float(grasp.width), "approach_distance": float(grasp.approach_distance)}
+    if grasp.width is not None:
+        data["width"] = float(grasp.width)
+    data["approach_distance"] = float(grasp.approach_distance)
     if grasp.opening is not None:
         data["opening"] = float(grasp.opening)
     if grasp.contacts is not None:

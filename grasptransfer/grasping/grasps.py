@@ -6,9 +6,11 @@ the file, the key, the value and the choices.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from grasptransfer.errors import GraspFileError
 from grasptransfer.files import read_yaml, replacing
@@ -64,10 +66,12 @@ def load_grasps(path: str | Path, *, category: "Category | str | None" = None) -
 
     Args:
         category: the category they must be for; of a loaded one, also the canonical model must be
-            the one they were made on, where the file says which.
+            the one they were made on, where the file says which, and contacts that the file leaves
+            out are measured on it.
 
     Raises:
-        GraspFileError: a mistake in the file, or another category or canonical model.
+        GraspFileError: a mistake in the file, another category or canonical model, or a grasp without
+            contacts whose pads meet nothing.
     """
     file = read_grasp_file(path)
     if category is None:
@@ -90,7 +94,41 @@ def load_grasps(path: str | Path, *, category: "Category | str | None" = None) -
             choices=[category.canonical_sha256],
             fix="Check the grasps on the new model, then put its checksum there",
         )
-    return file.grasps
+    if isinstance(category, str):
+        return file.grasps
+    return _measured(file, category, Path(path))
+
+
+def _measured(file: GraspFile, category: "Category", path: Path) -> tuple[Grasp, ...]:
+    """The grasps, with the contacts that the pads make on the canonical model where there are none."""
+    unknown = [grasp for grasp in file.grasps if grasp.contacts is None]
+    if not unknown:
+        return file.grasps
+    from grasptransfer.grasping.closing import close_pads
+    from grasptransfer.grasping.surface import Surface
+
+    gripper = _gripper(file.gripper, path)
+    poses = np.stack([grasp.canonical_from_gripper for grasp in unknown])
+    openings = np.array([_open(grasp, gripper) for grasp in unknown])
+    closing = close_pads(Surface(category.canonical), poses, openings, gripper)
+    found = {}
+    for i, grasp in enumerate(unknown):
+        if not closing.touching[i].all():
+            raise GraspFileError(
+                "has no contacts, and its pads meet nothing between them",
+                path=path,
+                key=f"grasps.{grasp.name}",
+                fix="Move it onto the canonical model, or give its contacts",
+            )
+        found[grasp.name] = replace(grasp, contacts=closing.points[i], width=float(closing.width[i]))
+    return tuple(found.get(grasp.name, grasp) for grasp in file.grasps)
+
+
+def _open(grasp: Grasp, gripper: Gripper) -> float:
+    """Distance between the pads on the way in [m]."""
+    if grasp.opening is not None:
+        return grasp.opening
+    return gripper.max_width if grasp.width is None else gripper.approach_opening(grasp.width)
 
 
 def read_grasp_file(path: str | Path) -> GraspFile:

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from grasptransfer.errors import MeshError, PoseError, SceneError
 from grasptransfer.files import read_yaml
 from grasptransfer.frames import check_rigid
+from grasptransfer.grasping.surface import LARGEST_EXTENT
 from grasptransfer.grasping.yaml_models import Strict, parse
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ class Scene:
             (name, mesh, check_rigid(pose, f"obstacles.{name}.camera_from_obstacle"))
             for name, mesh, pose in self.obstacles
         )
+        for name, mesh, _ in checked:
+            _check_size(name, mesh)
         object.__setattr__(self, "obstacles", checked)
         if self.support_plane is not None:
             point, normal = (np.asarray(part, dtype=float) for part in self.support_plane)
@@ -54,7 +57,25 @@ class Scene:
                     key="support_plane",
                     value=[point.tolist(), normal.tolist()],
                 )
+            if np.linalg.norm(point) > LARGEST_EXTENT:
+                raise SceneError(
+                    "point looks like millimetres, not metres",
+                    key="support_plane.point",
+                    value=point.tolist(),
+                    fix="Divide it by 1000",
+                )
             object.__setattr__(self, "support_plane", (point, normal / np.linalg.norm(normal)))
+
+
+def _check_size(name: str, mesh: "trimesh.Trimesh"):
+    size = float(np.max(mesh.extents))
+    if size > LARGEST_EXTENT:
+        raise SceneError(
+            "looks like millimetres, not metres",
+            key=f"obstacles.{name}",
+            value=f"{size:g} long",
+            fix="Scale it to metres",
+        )
 
 
 class _ObstacleModel(Strict):
@@ -112,7 +133,7 @@ def _mesh(name: str, model: _ObstacleModel, path: Path) -> "trimesh.Trimesh":
         raise SceneError("mesh file not found", path=path, key=f"{key}.mesh", value=model.mesh)
     try:
         mesh = trimesh.load_mesh(file)
-    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
+    except (ValueError, KeyError, IndexError, TypeError, OSError, NotImplementedError) as error:
         raise SceneError(f"mesh cannot be read: {error}", path=file, key=f"{key}.mesh") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise MeshError("has no triangles", path=file, key=f"{key}.mesh")

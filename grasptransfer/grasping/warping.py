@@ -23,7 +23,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.errors import SettingsError
+from grasptransfer.errors import GraspFileError, SettingsError
 from grasptransfer.frames import nearest_rotation, rigid
 from grasptransfer.grasping.grasp import Grasp, order_contacts
 
@@ -203,6 +203,12 @@ def _warped(
 ) -> WarpedGrasp:
     if contacts is not None:
         width = float((contacts[1] - contacts[0]) @ object_from_gripper[:3, 0])
+    elif grasp.width is None:
+        raise GraspFileError(
+            "its width is not known",
+            key=grasp.name,
+            fix="Give contacts or width, or load the grasps with their category, which measures them",
+        )
     else:
         width = grasp.width * float(np.linalg.norm(jacobian @ grasp.canonical_from_gripper[:3, 0]))
     return WarpedGrasp(
@@ -215,7 +221,7 @@ def _warped(
         approach_distance=grasp.approach_distance,
         confidence=grasp.confidence,
         # The annotator's room beside the object stays as it was.
-        opening=None if grasp.opening is None else grasp.opening + width - grasp.width,
+        opening=None if grasp.opening is None else grasp.opening + width - (grasp.width or 0.0),
         method=method,
         stretch=stretch,
     )

@@ -17,6 +17,7 @@ Drift, 2010; point-to-plane distances as in Chen and Medioni, Object Modelling b
 Range Images, 1992.
 """
 
+import logging
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,6 +31,8 @@ from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import motion_along
 from grasptransfer.perception.seen_surface import SeenSurface, ShapedModel, see_surface
+
+logger = logging.getLogger(__name__)
 
 # m: an active stereo camera at 0.6 m errs by 1 mm (`depth_sensor`), a shape space by 0.5 to 2 (`measured`
 # in the categories' files). Were it estimated, depth of something else could pass for a coarse surface.
@@ -58,7 +61,10 @@ class RgbdEstimator:
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate from RGB, then correct latent and pose by the measured depth."""
         estimate = self.rgb(replace(observation, depth=None))
-        if observation.depth is None or estimate.latent is None or estimate.covariance is None:
+        if observation.depth is None:
+            logger.warning("Estimator 'rgbd' was given no depth: the picture alone answers.")
+            return estimate
+        if estimate.latent is None or estimate.covariance is None:
             return estimate
         start = time.perf_counter()
         fused = self._fuse(estimate, observation)

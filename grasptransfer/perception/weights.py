@@ -105,7 +105,7 @@ def check_trained_on(info: WeightsInfo, category: Category, path: Path) -> None:
 
 
 def find_weights(category: Category) -> Path:
-    """The weight file that serves a category.
+    """The weight file that serves a category; of several the one that is for the fewest others, too.
 
     Raises:
         WeightsError: none does, with the categories that have one; none as the category is now; or several.
@@ -114,6 +114,8 @@ def find_weights(category: Category) -> Path:
     fitting = [
         path for path, info in served.items() if info.categories[category.name] == trained_on(category)
     ]
+    fewest = min((len(served[path].categories) for path in fitting), default=0)
+    fitting = [path for path in fitting if len(served[path].categories) == fewest]
     if len(fitting) == 1:
         return fitting[0]
     folder = objects_folder() / "models"

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from grasptransfer.errors import GraspFileError
-from grasptransfer.grasping import load_gripper, on_canonical
+from grasptransfer.grasping import load_gripper
 from grasptransfer.grasping.formats import read_grasps
 from grasptransfer.report.result_files import check_folder
 from grasptransfer.report.transfer_files import FRAMES_PER_SECOND, load_mesh
@@ -55,7 +55,7 @@ def run_simulation(
     if not found:
         raise GraspFileError("holds no grasp", path=grasps)
     outcomes = simulate(
-        on_canonical(found),
+        found,
         solid,
         hand,
         protocol=protocol,

@@ -1,5 +1,6 @@
 """Moving pictures of a recorded trial: the true mesh and the gripper, from a side that shows both fingers."""
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -108,7 +109,8 @@ def save_movies(
             frames = movie(trial, mesh, gripper, Studio(renderer))
             if not frames:
                 continue
-            path = folder / f"{trial.grasp}_{trial.trial}.gif"
+            name = re.sub(r"[^\w.+-]+", "_", trial.grasp).lstrip(".")  # it may hold slashes
+            path = folder / f"{name}_{trial.trial}.gif"
             write_whole(path, gif_bytes(frames, seconds_per_frame=seconds_per_frame(trial)))
             written.append(path)
     return written

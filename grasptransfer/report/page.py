@@ -37,11 +37,19 @@ STAGES = {
     "fit": "Fit of shape and pose",
     "score": "Category score",
     "cpd": "CPD",
+    "depth": "Fit to depth",
     "shape": "Shape, altogether",
-    "grasps": "Grasps: warp, refine, check, place, rank",
+    "reconstruct": "Reconstruct",
+    "warp": "Warp",
+    "refine": "Refine",
+    "check": "Check",
+    "doubt": "Draw plausible objects",
+    "place": "Place",
+    "rank": "Rank",
+    "grasps": "Grasps, altogether",
     "total": "Total",
 }
-SUMS = ("shape", "total")
+SUMS = ("shape", "grasps", "total")
 
 
 def write_page(

@@ -34,8 +34,7 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
         name = np.asarray(file["object/file"]).item() if "object/file" in file else None
         scale = float(np.asarray(file["object/scale"]).item()) if "object/scale" in file else 1.0
     name = name.decode() if isinstance(name, bytes) else name
-    widths = np.full(len(poses), gripper.max_width)
-    grasps = numbered(poses @ base_from_tcp(gripper), np.clip(flags.astype(float), 0, 1), widths)
+    grasps = numbered(poses @ base_from_tcp(gripper), np.clip(flags.astype(float), 0, 1), [None] * len(poses))
     return GraspSet(grasps, "object", None if name is None else str(name), scale)
 
 

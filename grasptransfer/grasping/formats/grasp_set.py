@@ -8,6 +8,7 @@
 | graspnetAPI | +x approach, +y closing | grasp centre, finger tips `depth` ahead |
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,11 +71,11 @@ def rigid_poses(values: object, path: Path, key: str) -> Float[np.ndarray, "g 4 
 def numbered(
     poses: Float[np.ndarray, "g 4 4"],
     confidences: Float[np.ndarray, "g"] | Bool[np.ndarray, "g"],
-    widths: Float[np.ndarray, "g"],
+    widths: Sequence[float | None],
 ) -> tuple[Grasp, ...]:
     """Grasps of a format without names: `grasp_0`, `grasp_1`, ..."""
     return tuple(
-        Grasp(f"grasp_{i}", "grasp", pose, float(width), confidence=float(confidence))
+        Grasp(f"grasp_{i}", "grasp", pose, width, confidence=float(confidence))
         for i, (pose, confidence, width) in enumerate(zip(poses, confidences, widths, strict=True))
     )
 

@@ -30,8 +30,7 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
     scale = known.get("scale", 1.0) if isinstance(known, dict) else None
     if isinstance(scale, bool) or not isinstance(scale, int | float):
         raise GraspFileError("must be a number", path=path, key="object.scale", value=scale)
-    widths = np.full(len(poses), gripper.max_width)
-    read = numbered(poses @ base_from_tcp(gripper), np.clip(flags.astype(float), 0, 1), widths)
+    read = numbered(poses @ base_from_tcp(gripper), np.clip(flags.astype(float), 0, 1), [None] * len(poses))
     return GraspSet(read, "object", known.get("file"), float(scale))
 
 

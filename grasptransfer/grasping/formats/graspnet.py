@@ -41,7 +41,7 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
     beyond = rows[:, 3] - tip_distance(gripper)
     poses[:, :3, 3] += poses[:, :3, 0] * beyond[:, None]
     poses[:, :3, :3] = poses[:, :3, :3] @ GRASPNET_FROM_TCP
-    return GraspSet(numbered(poses, np.clip(rows[:, 0], 0, 1), rows[:, 1]), "camera")
+    return GraspSet(numbered(poses, np.clip(rows[:, 0], 0, 1), rows[:, 1].tolist()), "camera")
 
 
 def write(grasp_set: GraspSet, path: Path, gripper: Gripper) -> None:
@@ -49,7 +49,7 @@ def write(grasp_set: GraspSet, path: Path, gripper: Gripper) -> None:
     poses = stacked(grasp_set.grasps)
     rows = np.zeros((len(poses), COLUMNS))
     rows[:, 0] = [grasp.confidence for grasp in grasp_set.grasps]
-    rows[:, 1] = [grasp.width for grasp in grasp_set.grasps]
+    rows[:, 1] = [gripper.max_width if g.width is None else g.width for g in grasp_set.grasps]
     rows[:, 2] = gripper.pads[0].size[0]
     rows[:, 3] = tip_distance(gripper)
     rows[:, 4:13] = (poses[:, :3, :3] @ GRASPNET_FROM_TCP.T).reshape(-1, 9)

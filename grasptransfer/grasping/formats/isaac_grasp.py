@@ -14,7 +14,8 @@ from grasptransfer.errors import GraspFileError
 from grasptransfer.files import read_yaml, replacing
 from grasptransfer.frames import invert, rigid
 from grasptransfer.grasping.formats.grasp_set import GraspSet, base_from_tcp
-from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp
+from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp, expand_symmetry
+from grasptransfer.grasping.grasps import read_grasp_file
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.yaml_models import (
     Quaternion,
@@ -24,7 +25,8 @@ from grasptransfer.grasping.yaml_models import (
     pose_as_data,
 )
 
-TCP = "tcp"
+TCP, CANONICAL = "tcp", "canonical"
+FARTHEST = 5.0  # m from the origin of any frame that an arm reaches
 Triple = tuple[float, float, float]
 
 
@@ -39,7 +41,7 @@ class _GraspModel(_Loose):
     orientation: Quaternion
     confidence: float = Field(default=1.0, ge=0, le=1)
     label: str | None = None
-    width: float | None = Field(default=None, ge=0)
+    width: float | None = Field(default=None, ge=0, le=1)
     approach_distance: float = Field(default=DEFAULT_APPROACH_DISTANCE, ge=0)
     contacts: tuple[Triple, Triple] | None = None
     cspace_position: dict[str, float] | None = None
@@ -60,8 +62,14 @@ class _FileModel(_Loose):
 
 
 def read(path: Path, gripper: Gripper) -> GraspSet:
-    """Read an isaac_grasp file; joint positions of this gripper become width and opening."""
-    model = parse(_FileModel, read_yaml(path, error=GraspFileError), path, error=GraspFileError)
+    """Read an isaac_grasp file; joint positions of this gripper become width and opening.
+
+    Of a category's grasp file every member of a symmetry family becomes a grasp.
+    """
+    data = read_yaml(path, error=GraspFileError)
+    if _is_of_a_category(data):
+        return GraspSet(expand_symmetry(read_grasp_file(path).grasps), CANONICAL)
+    model = parse(_FileModel, data, path, error=GraspFileError)
     if not model.grasps:
         raise GraspFileError("holds no grasp", path=path, key="grasps")
     frame_from_tcp = _frame_from_tcp(model.gripper_frame or model.gripper_frame_link, gripper, path)
@@ -70,6 +78,14 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
         key = f"grasps.{name}"
         grasp = parse(_GraspModel, data, path, key=key, error=GraspFileError)
         check_unit_quaternion(grasp.orientation, path, f"{key}.orientation", error=GraspFileError)
+        if np.linalg.norm(grasp.position) > FARTHEST:
+            raise GraspFileError(
+                "looks like millimetres, not metres",
+                path=path,
+                key=f"{key}.position",
+                value=list(grasp.position),
+                fix="Divide it by 1000",
+            )
         object_from_frame = rigid(grasp.orientation.matrix(), np.array(grasp.position))
         width = _width(grasp.cspace_position, gripper)
         grasps.append(
@@ -77,7 +93,7 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
                 name=str(name),
                 label=grasp.label or "grasp",
                 canonical_from_gripper=object_from_frame @ frame_from_tcp,
-                width=next(w for w in (grasp.width, width, gripper.max_width) if w is not None),
+                width=width if grasp.width is None else grasp.width,
                 approach_distance=grasp.approach_distance,
                 contacts=None if grasp.contacts is None else np.array(grasp.contacts),
                 confidence=grasp.confidence,
@@ -86,6 +102,11 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
         )
     frame = model.object_frame or model.object_frame_link or "object"
     return GraspSet(tuple(grasps), frame, model.object_file, model.object_scale)
+
+
+def _is_of_a_category(data: object) -> bool:
+    block = data.get("grasptransfer") if isinstance(data, dict) else None
+    return isinstance(block, dict) and "category" in block
 
 
 def write(grasp_set: GraspSet, path: Path, gripper: Gripper) -> None:
@@ -108,11 +129,13 @@ def _as_data(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
     data: dict[str, Any] = {"confidence": float(grasp.confidence)} | pose_as_data(
         grasp.canonical_from_gripper
     )
-    width = float(np.clip(grasp.width, *gripper.opening))
+    width = gripper.max_width if grasp.width is None else float(np.clip(grasp.width, *gripper.opening))
     opening = gripper.approach_opening(width) if grasp.opening is None else grasp.opening
     data["cspace_position"] = gripper.joint_positions(width)
     data["pregrasp_cspace_position"] = gripper.joint_positions(float(np.clip(opening, *gripper.opening)))
-    data |= {"label": grasp.label, "width": float(grasp.width)}
+    data["label"] = grasp.label
+    if grasp.width is not None:
+        data["width"] = float(grasp.width)
     data["approach_distance"] = float(grasp.approach_distance)
     if grasp.contacts is not None:
         data["contacts"] = [[round(float(value), 9) for value in point] for point in grasp.contacts]
