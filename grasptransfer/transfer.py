@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import CategoryError, NotSucceeded, check_seed
+from grasptransfer.errors import CategoryError, NotSucceeded, SceneError, check_seed
 from grasptransfer.grasping import (
     CollisionWorld,
     GraspCheck,
@@ -31,6 +31,7 @@ from grasptransfer.grasping import (
     expand_symmetry,
     load_grasps,
     load_gripper,
+    load_scene,
     place_grasps,
     rank_grasps,
     refine_grasps,
@@ -103,6 +104,7 @@ class GraspTransfer:
         from grasptransfer.perception.observation import observe
 
         observation = observe(image, pose, camera=camera, mask=mask, depth=depth)
+        scene = _checked_scene(scene)
         clock = time.perf_counter()
         estimate = self.estimator(observation)
         estimated = time.perf_counter()
@@ -195,7 +197,7 @@ def transfer_grasps(
     gripper: str | Path | Gripper = "panda",
     mask=None,
     depth=None,
-    scene: Scene | None = None,
+    scene: Scene | str | Path | None = None,
     estimator: str | Estimator = "rgb",
     refine_pose: bool = True,
     device: str = "auto",
@@ -215,7 +217,7 @@ def transfer_grasps(
         mask: bool (h, w) of what is seen of the object, taken as it is; or a box (u0, v0, u1, v1) [px] around
             it, as a detector gives; or None.
         depth: (h, w) metres, 0 = missing; for the estimators that use depth.
-        scene: obstacles and a support plane, optional.
+        scene: obstacles and a support plane, or the path of a scene YAML; optional.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         refine_pose: fit the pose together with the shape.
         device: "auto", "cpu" or "cuda".
@@ -275,6 +277,14 @@ def _transferred(
         )
         for grasp, check, score in zip(refined, checks, scores, strict=True)
     ]
+
+
+def _checked_scene(scene: object) -> Scene | None:
+    if isinstance(scene, str | Path):
+        return load_scene(scene)
+    if scene is None or isinstance(scene, Scene):
+        return scene
+    raise SceneError("must be a Scene or the path of a scene YAML", key="scene", value=type(scene).__name__)
 
 
 def _grasp_file(category: Category) -> Path:

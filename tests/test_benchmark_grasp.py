@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from grasptransfer.benchmark.commands.run import run
-from grasptransfer.benchmark.grasp import GraspSettings, _Outcome, _row, _summary, run_grasp_benchmark
+from grasptransfer.benchmark.grasp import GraspSettings, Outcome, _row, _summary, run_grasp_benchmark
 from grasptransfer.benchmark.seen_instances import Instance
 from grasptransfer.benchmark.tables import rows_table
 from grasptransfer.category import load_category
@@ -27,9 +27,9 @@ def row():
     """Three views: the best grasp held, the best grasp lost, no grasp usable although one would hold."""
     free, doubted = CheckStatus.FREE, CheckStatus.UNLIKELY_TO_HOLD
     views = [
-        _Outcome([grasp("a", free), grasp("b", free)], [True, False], ["HELD", "SLIPPED_LIFT"]),
-        _Outcome([grasp("a", free), grasp("b", doubted)], [False, True], ["SLIPPED_LIFT", "HELD"]),
-        _Outcome([grasp("a", doubted), grasp("b", doubted)], [True, False], ["HELD", "TOO_WIDE"]),
+        Outcome([grasp("a", free), grasp("b", free)], [True, False], ["HELD", "SLIPPED_LIFT"]),
+        Outcome([grasp("a", free), grasp("b", doubted)], [False, True], ["SLIPPED_LIFT", "HELD"]),
+        Outcome([grasp("a", doubted), grasp("b", doubted)], [True, False], ["HELD", "TOO_WIDE"]),
     ]
     mug = load_category("mug")
     instance = Instance(mug, "mug_0014", mug.instance_scene("mug_0014"), mug.field("mug_0014"))

@@ -184,10 +184,16 @@ def test_settings_that_disagree_with_the_shape_space_are_a_fault(boxes):
 
 def test_a_stray_instance_and_grasps_of_another_model_are_faults(boxes):
     shutil.copyfile(boxes.folder / "canonical.glb", boxes.folder / "instances/stray.glb")
-    boxes.grasps_path.write_text("grasptransfer: {canonical_sha256: '00'}\n")
+    boxes.grasps_path.write_text("grasptransfer: {category: box, canonical_sha256: '00'}\n")
     faults = {fault.path.name: fault.problem for fault in check_category(boxes.folder)}
     assert "belongs to no instance" in faults["stray.glb"]
     assert "another canonical model" in faults["grasps.yaml"]
+
+
+def test_grasps_of_another_category_are_a_fault(boxes):
+    boxes.grasps_path.write_text("grasptransfer: {category: mug}\n")
+    (fault,) = [fault for fault in check_category(boxes.folder) if fault.path.name == "grasps.yaml"]
+    assert "is for category 'mug', not 'box'" in fault.problem
 
 
 def rewrite(boxes):

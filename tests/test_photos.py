@@ -53,6 +53,19 @@ def test_a_photograph_with_a_mesh_is_scored_by_its_shape(folder):
     assert table.row_count == 1
 
 
+def test_grasps_are_executed_where_a_mesh_is_known(folder):
+    settings = PhotoSettings(folder, ("mug",), grasps=True)
+    (known,) = measure_object(settings, "mug", "known")["rows"]
+    (unknown,) = measure_object(settings, "mug", "unknown")["rows"]
+    assert known["rgb"]["grasp_held"]
+    assert known["rgb"]["usable_held"] <= known["rgb"]["usable"]
+    assert "grasp_held" not in unknown["rgb"]
+    summary = summarise_photos([known, unknown])
+    assert summary["rgb_grasps_executed_photos"] == 1
+    assert summary["rgb_grasp_held"] == 1.0
+    assert 0.3 < summary["rgb_grasp_stated"] <= 1
+
+
 def test_a_photograph_without_a_mesh_is_scored_by_its_size(folder):
     (row,) = measure_object(PhotoSettings(folder, ("mug",)), "mug", "unknown")["rows"]
     assert set(row["rgb"]) == {"size_error"}

@@ -153,6 +153,14 @@ def test_a_picture_without_the_category_gives_no_usable_grasp(picture):
     assert any("hardly shows" in grasp.reason for grasp in black.grasps)
 
 
+def test_a_scene_may_be_a_file_and_nothing_else(true_flow, picture, tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text("support_plane: {point: [0, 0, 2], normal: [0, 0, -1]}\n")
+    assert true_flow.transfer(picture[0], POSE, camera=CAMERA, scene=path).scene.support_plane is not None
+    with pytest.raises(gt.GraspTransferError, match=r"scene.*dict"):
+        true_flow.transfer(picture[0], POSE, camera=CAMERA, scene={})
+
+
 def test_a_told_category_is_trusted_beyond_what_the_picture_alone_says():
     field = DeformationField.identity(np.eye(3))
     trust = [ShapeEstimate(field, POSE, category_score=score).trust for score in (None, 0.0, 0.1, 0.5, 1.0)]

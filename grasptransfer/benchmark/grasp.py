@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
+from jaxtyping import Float
 
 from grasptransfer.benchmark.document import document
 from grasptransfer.benchmark.estimators import EstimatorSet, TrueFieldEstimator
@@ -109,7 +111,7 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
     instance = load_instance(category, name, settings.meshes)
     gripper = load_gripper(settings.gripper)
     noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
-    outcomes: dict[str, list[_Outcome]] = defaultdict(list)
+    outcomes: dict[str, list[Outcome]] = defaultdict(list)
     with Renderer() as renderer:
         others = tuple(name for name in settings.estimators if name != "gt")
         estimators = EstimatorSet(renderer, refine_pose=noise != NO_NOISE).of(instance, others)
@@ -126,27 +128,51 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
             for key, flow in flows.items():
                 seen = replace(observation, camera_from_object=pose) if key == "gt" else observation
                 result = flow.grasp(seen, flow.estimator(seen))
-                outcomes[key].append(_execute(result, pose, instance, settings))
+                outcomes[key].append(
+                    execute(result, pose, instance.solid, protocol=settings.protocol, seed=settings.seed)
+                )
     return {"rows": [_row(instance, key, views) for key, views in outcomes.items()]}
 
 
 @dataclass(frozen=True)
-class _Outcome:
+class Outcome:
     """One picture: what was executed, best-ranked first, and what became of it."""
 
     grasps: list[TransferredGrasp]
     held: list[bool]
     reasons: list[str]
 
+    @property
+    def best_held(self) -> bool:
+        """Whether the best-ranked grasp held; without a usable one the robot does not grasp: no success."""
+        return bool(self.grasps) and self.grasps[0].usable and self.held[0]
 
-def _execute(
-    result: TransferResult, true_pose: np.ndarray, instance: Instance, settings: GraspSettings
-) -> _Outcome:
+    @property
+    def usable_held(self) -> list[bool]:
+        """Of those called usable."""
+        return [held for grasp, held in zip(self.grasps, self.held, strict=True) if grasp.usable]
+
+
+def execute(
+    result: TransferResult,
+    true_pose: Float[np.ndarray, "4 4"],
+    solid: trimesh.Trimesh,
+    *,
+    protocol: str = "lift-shake-v1",
+    seed: int = 0,
+) -> Outcome:
+    """The best grasp of each symmetry family, executed on the true object at its true pose.
+
+    Args:
+        true_pose: `camera_from_object` [m].
+        solid: the true object, its own frame [m].
+        seed: of the trials.
+    """
     grasps = _best_of_each_family(result.grasps)
     placed = as_executed(grasps, estimated_pose=result.camera_from_object, true_pose=true_pose)
-    trials = simulate(placed, instance.solid, result.gripper, protocol=settings.protocol, seed=settings.seed)
+    trials = simulate(placed, solid, result.gripper, protocol=protocol, seed=seed)
     reasons = [trial.status.name for trial in trials]
-    return _Outcome(grasps, [reason == "HELD" for reason in reasons], reasons)
+    return Outcome(grasps, [reason == "HELD" for reason in reasons], reasons)
 
 
 def as_executed(grasps: Sequence, *, estimated_pose: np.ndarray, true_pose: np.ndarray) -> list:
@@ -165,11 +191,10 @@ def _best_of_each_family(grasps: tuple[TransferredGrasp, ...]) -> list[Transferr
     return list(best.values())
 
 
-def _row(instance: Instance, estimator: str, views: list[_Outcome]) -> dict:
+def _row(instance: Instance, estimator: str, views: list[Outcome]) -> dict:
     held = [h for view in views for h in view.held]
-    usable = [h for view in views for g, h in zip(view.grasps, view.held, strict=True) if g.usable]
-    # Without a usable grasp the robot does not grasp: that is no success.
-    top = [bool(view.grasps) and view.grasps[0].usable and view.held[0] for view in views]
+    usable = [h for view in views for h in view.usable_held]
+    top = [view.best_held for view in views]
     return {
         "category": instance.category.name,
         "instance": instance.name,
@@ -178,7 +203,7 @@ def _row(instance: Instance, estimator: str, views: list[_Outcome]) -> dict:
         "grasps": len(held),
         "success": float(np.mean(held)),
         "top1": float(np.mean(top)),
-        "without_usable": sum(not any(g.usable for g in view.grasps) for view in views),
+        "without_usable": sum(not view.usable_held for view in views),
         "usable": len(usable),
         "usable_held": int(sum(usable)),
         "reasons": dict(Counter(reason for view in views for reason in view.reasons)),

@@ -30,8 +30,26 @@ def summarise_photos(rows: list[dict]) -> dict:
         ious = [row["mask_iou"] for row in group if row.get("mask_iou") is not None]
         if ious:
             summary[f"{category}_mask_iou_mean"] = float(np.mean(ious))
+    for method in (*METHODS, *DEPTH_METHODS):
+        summary |= _of_grasps(method, [row[method] for row in rows if "grasp_held" in row.get(method, {})])
     refused = sum(row.get("status") == "out_of_category" for row in rows)
     return summary | {"refused": refused}
+
+
+def _of_grasps(method: str, executed: list[dict]) -> dict:
+    """How often the best-ranked grasp held, how often it was said to, and those called usable."""
+    if not executed:
+        return {}
+    stated = [one["grasp_stated"] for one in executed if one["grasp_stated"] is not None]
+    usable = sum(one["usable"] for one in executed)
+    return {
+        f"{method}_grasps_executed_photos": len(executed),
+        f"{method}_grasp_held": float(np.mean([one["grasp_held"] for one in executed])),
+        f"{method}_grasp_stated": float(np.mean(stated)) if stated else None,
+        f"{method}_usable_precision": sum(one["usable_held"] for one in executed) / usable
+        if usable
+        else None,
+    }
 
 
 def _groups(rows: list[dict], key: str) -> Iterable[tuple[str, list[dict]]]:

@@ -20,6 +20,7 @@ from grasptransfer.benchmark.errors_of_shape import (
     TrueSurface,
     outer_surface,
 )
+from grasptransfer.benchmark.grasp import Outcome, execute
 from grasptransfer.benchmark.instance_pool import measure_instances
 from grasptransfer.benchmark.photo_summary import DEPTH_METHODS, summarise_photos
 from grasptransfer.camera import Camera
@@ -36,6 +37,7 @@ from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.rgbd import RgbdEstimator
+from grasptransfer.transfer import GraspTransfer
 
 
 class _Intrinsics(BaseModel):
@@ -74,6 +76,7 @@ class PhotoSettings:
         refine_pose: whether `rgb`, `rgbd` and `cls` refine the given pose.
         told_box: whether the object's box is told, as a detector would.
         depth: whether the methods that use depth are measured where a photograph comes with it.
+        grasps: whether transferred grasps are executed in PyBullet where a mesh is known.
         weights: file for `rgb`; None takes the shipped ones.
     """
 
@@ -82,6 +85,7 @@ class PhotoSettings:
     refine_pose: bool = True
     told_box: bool = True
     depth: bool = False
+    grasps: bool = False
     weights: Path | None = None
 
 
@@ -179,11 +183,27 @@ def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: P
             row[f"{name}_failed"] = str(error)
             continue
         row[name] = _scores(estimate, category, photo, truth, renderer=rgb.renderer)
+        if settings.grasps and truth.mesh is not None:
+            flow = GraspTransfer(category, estimator=estimator)
+            result = flow.grasp(observation, estimate)
+            row[name] |= _executed(execute(result, told.camera_from_object, truth.mesh))
         if name == "rgb":
             row["category_score"] = estimate.category_score
             row["status"] = estimate.status.value
             row["mask_iou"] = _overlap(estimate.mask, truth.visible)
     return row
+
+
+def _executed(outcome: Outcome) -> dict:
+    """Whether the best-ranked grasp held, and the success it was said to have."""
+    usable = outcome.usable_held
+    stated = outcome.grasps[0].score if usable else None
+    return {
+        "grasp_held": outcome.best_held,
+        "grasp_stated": stated,
+        "usable": len(usable),
+        "usable_held": sum(usable),
+    }
 
 
 def _observation(photo: Photo, folder: Path, *, with_depth: bool) -> Observation:
@@ -204,11 +224,13 @@ class _Truth:
     """What is known of the object in a photograph.
 
     Args:
-        surface: of its mesh; None without mesh.
+        mesh: its own frame [m], or None.
+        surface: of the mesh; None without mesh.
         silhouette: (h, w) pixels of its mesh at the given pose; None without mesh.
         visible: (h, w) its visible pixels, where a mask is given; else the silhouette.
     """
 
+    mesh: trimesh.Trimesh | None
     surface: TrueSurface | None
     camera: Camera
     silhouette: np.ndarray | None
@@ -216,14 +238,14 @@ class _Truth:
 
     @classmethod
     def of(cls, photo: Photo, folder: Path, told: Observation, renderer: Renderer) -> "_Truth":
-        surface, silhouette = None, None
+        mesh, surface, silhouette = None, None, None
         if photo.mesh is not None:
             mesh, surface = _known_mesh(folder / photo.mesh)
             silhouette = renderer.depth(mesh, told.camera, told.camera_from_object) > 0
         visible = silhouette
         if photo.mask is not None:
             visible = np.asarray(_open(folder / photo.mask).convert("L")) > 127
-        return cls(surface, told.camera, silhouette, visible)
+        return cls(mesh, surface, told.camera, silhouette, visible)
 
 
 def _overlap(mask: np.ndarray | None, true: np.ndarray | None) -> float | None:

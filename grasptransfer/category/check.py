@@ -148,6 +148,8 @@ def _grasp_faults(category: Category) -> Iterator[Fault]:
     except GraspFileError as error:
         yield _fault(path, error)
         return
+    if isinstance(block, dict) and block.get("category") != category.name:
+        yield Fault(path, f"{GRASPS} is for category {block.get('category')!r}, not {category.name!r}")
     told = block.get("canonical_sha256") if isinstance(block, dict) else None
     if told is not None and told != category.file.checksums.get(CANONICAL):
         yield Fault(

@@ -154,6 +154,7 @@ def photos(
     refine_pose: bool = True,
     told_box: bool = True,
     depth: bool = False,
+    grasps: bool = False,
     weights: Weights = None,
     workers: Workers = 2,
 ) -> int:
@@ -164,10 +165,11 @@ def photos(
         refine_pose: let rgb refine the given pose.
         told_box: tell rgb the object's box, as a detector would.
         depth: also measure rgbd, cls and cpd on photographs that come with depth.
+        grasps: also execute transferred grasps in PyBullet, where a mesh is known.
     """
     from grasptransfer.benchmark.photos import PhotoSettings, run_photo_benchmark
 
-    settings = PhotoSettings(photos, trained(categories), refine_pose, told_box, depth, weights)
+    settings = PhotoSettings(photos, trained(categories), refine_pose, told_box, depth, grasps, weights)
     return run(partial(run_photo_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
 
 
