@@ -118,6 +118,8 @@ def test_a_gripper_of_ones_own_is_read_from_its_yaml(tmp_path):
         ("  panda_finger_joint2: {ratio: 1}\n", "", "joints.panda_finger_joint2", "must be listed"),
         ("{link: panda_rightfinger", "{link: thumb", "pads.0.link", "panda_rightfinger"),
         ("w: 0.70710678", "w: 0.9", "base_from_tcp.orientation", "norm 1"),
+        ("[0, 0, 0.1034]", "[0, 0, 0.2]", "base_from_tcp", "97 mm away from the TCP"),
+        ("size: [0.0176, 0.018]", "size: [17.6, 18]", "pads.0.size", "millimetres"),
         ("xyz: [0, 0, 0.70710678]", "xyz: [0, 0, -0.70710678]", "pads", "-x pad first"),
     ],
 )

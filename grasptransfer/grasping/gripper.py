@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 GRIPPER_FOLDER = Path(__file__).parent / "grippers"
 APPROACH_CLEARANCE = 0.01  # m each side: room for the usual pose error of a seen object
 TABLE_SAMPLES = 65  # a linkage's opening curve is smooth; interpolation errs by microns
+FAR_FROM_TCP = 0.03  # m; a linkage moves the middle of the pads by 1 cm
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ def _read(path: Path) -> Gripper:
     base_from_tcp.setflags(write=False)
     limits = by_name[joints[0].name].limits
     drivers, openings = _opening_table(joints, limits, links, (first, second), base_from_tcp)
-    return Gripper(
+    gripper = Gripper(
         name=model.name,
         path=path,
         urdf_path=urdf_path,
@@ -201,6 +202,22 @@ def _read(path: Path) -> Gripper:
         driver_table=drivers,
         opening_table=openings,
     )
+    _check_tcp(gripper)
+    return gripper
+
+
+def _check_tcp(gripper: Gripper) -> None:
+    """Refuse a TCP that is not between the pads: grasps would be planned beside the object."""
+    for width in gripper.opening:
+        middle = gripper.pad_centres(width).mean(axis=0)
+        if np.linalg.norm(middle) > FAR_FROM_TCP:
+            raise GripperError(
+                f"the middle of the pads is {1e3 * np.linalg.norm(middle):.0f} mm away from the TCP",
+                path=gripper.path,
+                key="base_from_tcp",
+                value=np.round(middle, 4).tolist(),
+                fix="Put the TCP between the pads, in metres, and pads.centre on their faces",
+            )
 
 
 def _opening_table(

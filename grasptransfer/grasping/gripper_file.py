@@ -37,6 +37,9 @@ class GripperModel(Strict):
     pads: tuple[PadModel, PadModel]
 
 
+LARGEST_PAD = 0.5  # m
+
+
 def read_gripper_file(path: Path) -> GripperModel:
     """Read a gripper's YAML.
 
@@ -59,6 +62,14 @@ def read_gripper_file(path: Path) -> GripperModel:
     for i, pad in enumerate(model.pads):
         if min(pad.size) <= 0:
             raise GripperError("must be positive", path=path, key=f"pads.{i}.size", value=list(pad.size))
+        if max(pad.size) > LARGEST_PAD:
+            raise GripperError(
+                "looks like millimetres, not metres",
+                path=path,
+                key=f"pads.{i}.size",
+                value=list(pad.size),
+                fix="Divide it by 1000",
+            )
     return model
 
 
