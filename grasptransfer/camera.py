@@ -10,6 +10,8 @@ from jaxtyping import Float
 from grasptransfer.errors import CameraError
 from grasptransfer.files import read_yaml
 
+WIDEST = 20.0  # picture widths to a focal length, 169 degrees: no lens without distortion sees more
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -67,7 +69,7 @@ class Camera:
         """Camera of a 3x3 intrinsic matrix [px].
 
         Raises:
-            CameraError: another shape, not numbers, or skew.
+            CameraError: another shape, not finite, transposed, with skew, or of a picture of size 1.
         """
         try:
             k = np.array(matrix, dtype=float)
@@ -75,8 +77,18 @@ class Camera:
             raise CameraError("intrinsics must be a 3x3 matrix", key="camera", value=matrix) from error
         if k.shape != (3, 3):
             raise CameraError("intrinsics must be a 3x3 matrix", key="camera", value=k.shape)
-        if abs(k[0, 1]) > 1e-6 or not np.allclose(k[2], [0, 0, 1]) or abs(k[1, 0]) > 1e-6:
+        if not np.isfinite(k).all():
+            raise CameraError("intrinsics must be finite", key="camera", value=k.tolist())
+        if not np.allclose(k[2], [0, 0, 1]):
+            fix = "Transpose it" if np.allclose(k[:, 2], [0, 0, 1]) else None
+            raise CameraError("its last row must be 0, 0, 1", key="camera", value=k.tolist(), fix=fix)
+        if abs(k[0, 1]) > 1e-6 or abs(k[1, 0]) > 1e-6:
             raise CameraError("intrinsics with skew are not supported", key="camera", value=k.tolist())
+        if 0 < k[0, 0] < width / WIDEST:
+            fix = "Are they in shares of the picture's size? Multiply by width and height"
+            raise CameraError(
+                "focal length is too short for pixels", key="camera", value=float(k[0, 0]), fix=fix
+            )
         return Camera(float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), width, height)
 
     @staticmethod

@@ -212,7 +212,8 @@ def transfer_grasps(
         image: path, PIL picture or uint8 (h, w, 3) RGB.
         pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
         category: name, folder or loaded `Category`.
-        camera: `Camera`, 3x3 intrinsics [px], or None for 60 degrees horizontal field of view.
+        camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for 60 degrees horizontal field
+            of view.
         gripper: name, YAML path or loaded `Gripper`.
         mask: bool (h, w) of what is seen of the object, taken as it is; or a box (u0, v0, u1, v1) [px] around
             it, as a detector gives; or None.

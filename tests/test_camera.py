@@ -73,3 +73,17 @@ def test_a_bop_camera_is_read(tmp_path):
 def test_skewed_intrinsics_are_refused():
     with pytest.raises(CameraError, match="skew"):
         Camera.from_matrix(np.array([[1.0, 0.2, 0], [0, 1, 0], [0, 0, 1]]), 10, 10)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "says"),
+    [
+        (np.full((3, 3), np.nan), "finite"),
+        (np.array([[600, 0, 0], [0, 600, 0], [320, 240, 1.0]]), "Transpose"),
+        (np.zeros((3, 3)), "last row"),
+        (np.array([[1.08, 0, 0.5], [0, 1.44, 0.5], [0, 0, 1]]), "too short"),
+    ],
+)
+def test_a_wrong_matrix_is_told_by_its_kind(matrix, says):
+    with pytest.raises(CameraError, match=says):
+        Camera.from_matrix(matrix, 640, 480)

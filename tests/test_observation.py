@@ -83,6 +83,13 @@ def test_grey_and_opaque_rgba_are_converted_with_a_note(caplog):
     np.testing.assert_array_equal(opaque, RGB)
 
 
+def test_a_camera_may_be_a_file(tmp_path):
+    path = tmp_path / "camera.yaml"
+    names = ("fx", "fy", "cx", "cy", "width", "height")
+    path.write_text("".join(f"{name}: {getattr(CAMERA, name)}\n" for name in names))
+    assert observe(RGB, POSE, camera=path).camera == CAMERA
+
+
 def test_a_missing_camera_is_assumed_with_a_warning(caplog):
     with caplog.at_level(logging.WARNING):
         observation = observe(RGB, POSE)

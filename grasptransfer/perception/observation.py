@@ -45,7 +45,8 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
     Args:
         image: path, PIL picture or uint8 (h, w, 3) RGB array.
         pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
-        camera: `Camera`, 3x3 intrinsics [px], or None for 60 degrees horizontal field of view.
+        camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for 60 degrees horizontal field
+            of view.
         mask: bool (h, w), or box (u0, v0, u1, v1) [px], or None.
         depth: (h, w) metres, 0 = missing, or None.
 
@@ -163,6 +164,8 @@ def _checked_camera(camera, width: int, height: int) -> Camera:
     if camera is None:
         logger.warning("No camera given: 60 degrees horizontal field of view is assumed.")
         return Camera.from_fov(width, height, DEFAULT_FOV)
+    if isinstance(camera, str | Path):
+        camera = Camera.load(camera)
     if not isinstance(camera, Camera):
         return Camera.from_matrix(camera, width, height)
     if (camera.width, camera.height) != (width, height):
