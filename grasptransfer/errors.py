@@ -111,6 +111,14 @@ class NotSucceeded(GraspTransferError):
     """Raised only under `strict=True`: the method ran and did not succeed."""
 
 
+def in_millimetres(
+    kind: type[GraspTransferError], *, key: str, value: object, path: Path | None = None
+) -> GraspTransferError:
+    """The error for lengths that only make sense a thousand times smaller."""
+    fix = "Divide it by 1000"
+    return kind("looks like millimetres, not metres", path=path, key=key, value=value, fix=fix)
+
+
 def check_seed(seed: int) -> None:
     """Refuse a seed that no random generator takes.
 

@@ -123,8 +123,9 @@ class GraspTransfer:
             reached = self.reach(estimate, scene=scene)
             start, pose = time.perf_counter(), estimate.camera_from_object
             chances = rank_grasps(reached.grasps, reached.checks, self.gripper, plausible=reached.plausible)
-        scores = [estimate.trust * chance for chance in chances]
-        checks = doubt_unlikely(reached.checks, scores, trust=estimate.trust)
+        trust = estimate.trust
+        scores = [trust * chance for chance in chances]
+        checks = doubt_unlikely(reached.checks, scores, trust=trust)
         timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
         grasps = _transferred(reached.grasps, checks, scores, pose)
         return TransferResult(

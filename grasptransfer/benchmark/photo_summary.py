@@ -41,14 +41,12 @@ def _of_grasps(method: str, executed: list[dict]) -> dict:
     if not executed:
         return {}
     stated = [one["grasp_stated"] for one in executed if one["grasp_stated"] is not None]
-    usable = sum(one["usable"] for one in executed)
+    usable, held = (sum(one[key] for one in executed) for key in ("usable", "usable_held"))
     return {
         f"{method}_grasps_executed_photos": len(executed),
         f"{method}_grasp_held": float(np.mean([one["grasp_held"] for one in executed])),
         f"{method}_grasp_stated": float(np.mean(stated)) if stated else None,
-        f"{method}_usable_precision": sum(one["usable_held"] for one in executed) / usable
-        if usable
-        else None,
+        f"{method}_usable_precision": held / usable if usable else None,
     }
 
 

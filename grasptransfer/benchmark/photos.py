@@ -174,6 +174,8 @@ def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: P
         "pose_kind": photo.pose_kind,
     }
     truth = _Truth.of(photo, settings.photos, told, rgb.renderer)
+    executes = settings.grasps and truth.mesh is not None
+    flow = GraspTransfer(category, estimator=rgb) if executes else None  # its estimator is not asked
     for name, (estimator, observation) in cases.items():
         try:
             estimate = estimator(observation)
@@ -183,8 +185,7 @@ def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: P
             row[f"{name}_failed"] = str(error)
             continue
         row[name] = _scores(estimate, category, photo, truth, renderer=rgb.renderer)
-        if settings.grasps and truth.mesh is not None:
-            flow = GraspTransfer(category, estimator=estimator)
+        if flow is not None and truth.mesh is not None:
             result = flow.grasp(observation, estimate)
             row[name] |= _executed(execute(result, told.camera_from_object, truth.mesh))
         if name == "rgb":

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from grasptransfer.errors import GraspFileError
+from grasptransfer.errors import GraspFileError, in_millimetres
 from grasptransfer.frames import rigid
 from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp, Symmetry
 from grasptransfer.grasping.gripper import Gripper
@@ -85,13 +85,7 @@ def read_entry(name: str, data: object, gripper: Gripper, path: Path) -> Grasp:
 
 def _check_lengths(model: EntryModel, gripper: Gripper, path: Path, key: str) -> None:
     if np.linalg.norm(model.position) > LARGEST_OBJECT:
-        raise GraspFileError(
-            "position looks like millimetres, not metres",
-            path=path,
-            key=f"{key}.position",
-            value=list(model.position),
-            fix="Divide it by 1000",
-        )
+        raise in_millimetres(GraspFileError, path=path, key=f"{key}.position", value=list(model.position))
     for name in ("width", "opening"):
         value = getattr(model, name)
         if value is not None and value > gripper.max_width + 1e-6:

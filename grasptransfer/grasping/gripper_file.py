@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from grasptransfer.errors import GripperError
+from grasptransfer.errors import GripperError, in_millimetres
 from grasptransfer.files import read_yaml
 from grasptransfer.grasping.urdf_geometry import Joint
 from grasptransfer.grasping.yaml_models import RigidPose, Strict, check_unit_quaternion, parse
@@ -63,13 +63,7 @@ def read_gripper_file(path: Path) -> GripperModel:
         if min(pad.size) <= 0:
             raise GripperError("must be positive", path=path, key=f"pads.{i}.size", value=list(pad.size))
         if max(pad.size) > LARGEST_PAD:
-            raise GripperError(
-                "looks like millimetres, not metres",
-                path=path,
-                key=f"pads.{i}.size",
-                value=list(pad.size),
-                fix="Divide it by 1000",
-            )
+            raise in_millimetres(GripperError, path=path, key=f"pads.{i}.size", value=list(pad.size))
     return model
 
 

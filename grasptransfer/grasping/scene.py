@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.errors import MeshError, PoseError, SceneError
+from grasptransfer.errors import MeshError, PoseError, SceneError, in_millimetres
 from grasptransfer.files import read_yaml
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping.surface import LARGEST_EXTENT
@@ -58,24 +58,14 @@ class Scene:
                     value=[point.tolist(), normal.tolist()],
                 )
             if np.linalg.norm(point) > LARGEST_EXTENT:
-                raise SceneError(
-                    "point looks like millimetres, not metres",
-                    key="support_plane.point",
-                    value=point.tolist(),
-                    fix="Divide it by 1000",
-                )
+                raise in_millimetres(SceneError, key="support_plane.point", value=point.tolist())
             object.__setattr__(self, "support_plane", (point, normal / np.linalg.norm(normal)))
 
 
 def _check_size(name: str, mesh: "trimesh.Trimesh"):
     size = float(np.max(mesh.extents))
     if size > LARGEST_EXTENT:
-        raise SceneError(
-            "looks like millimetres, not metres",
-            key=f"obstacles.{name}",
-            value=f"{size:g} long",
-            fix="Scale it to metres",
-        )
+        raise in_millimetres(SceneError, key=f"obstacles.{name}", value=f"{size:g} long")
 
 
 class _ObstacleModel(Strict):

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field
 
-from grasptransfer.errors import GraspFileError
+from grasptransfer.errors import GraspFileError, in_millimetres
 from grasptransfer.files import read_yaml, replacing
 from grasptransfer.frames import invert, rigid
 from grasptransfer.grasping.formats.grasp_set import GraspSet, base_from_tcp
@@ -79,13 +79,7 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
         grasp = parse(_GraspModel, data, path, key=key, error=GraspFileError)
         check_unit_quaternion(grasp.orientation, path, f"{key}.orientation", error=GraspFileError)
         if np.linalg.norm(grasp.position) > FARTHEST:
-            raise GraspFileError(
-                "looks like millimetres, not metres",
-                path=path,
-                key=f"{key}.position",
-                value=list(grasp.position),
-                fix="Divide it by 1000",
-            )
+            raise in_millimetres(GraspFileError, path=path, key=f"{key}.position", value=list(grasp.position))
         object_from_frame = rigid(grasp.orientation.matrix(), np.array(grasp.position))
         width = _width(grasp.cspace_position, gripper)
         grasps.append(
