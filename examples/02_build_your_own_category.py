@@ -15,10 +15,10 @@ from PIL import Image
 
 import grasptransfer as gt
 from grasptransfer.category import check_category
-from grasptransfer.category.building import build_category
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.report.category_page import category_page
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.report.contact_sheet import contact_sheet
+from grasptransfer.workshop.building import build_category
+from grasptransfer.workshop.building.category_page import category_page
 
 
 def vase(height: float, width: float, neck: float) -> trimesh.Trimesh:

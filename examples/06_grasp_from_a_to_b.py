@@ -10,6 +10,8 @@ Usage: python examples/06_grasp_from_a_to_b.py
 import numpy as np
 
 import grasptransfer as gt
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import (
     CollisionWorld,
@@ -19,8 +21,6 @@ from grasptransfer.grasping import (
     refine_grasps,
     warp_grasps,
 )
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.views import look_at
 from grasptransfer.report.grasp_pictures import PlacedGrasp
 from grasptransfer.report.grasp_sheet import grasp_sheet
 

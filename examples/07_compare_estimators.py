@@ -14,9 +14,9 @@ import numpy as np
 from PIL import Image
 
 import grasptransfer as gt
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import look_at
 from grasptransfer.perception.estimate import ShapeEstimate
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.views import look_at
 from grasptransfer.report.contact_sheet import contact_sheet
 
 CAMERA = gt.Camera.from_fov(640, 480, np.deg2rad(50))

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from grasptransfer.category.building import CategoryBuild, build_category
-from grasptransfer.report.category_page import category_page
+from grasptransfer.workshop.building import CategoryBuild, build_category
+from grasptransfer.workshop.building.category_page import category_page
 
 
 def main(arguments: list[str] | None = None) -> dict[str, float]:

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import trimesh
 
 from grasptransfer.registration import cpd
-from grasptransfer.shapes import canonical, sample
+from grasptransfer.workshop.objects import canonical, sample
 
 POINTS = 1500
 ORANGE, GREY = "#e8590c", "#495057"

@@ -9,9 +9,9 @@ Usage: python examples/10_cpd_against_truth.py [CATEGORY] [--samples 10]
 
 import argparse
 
-from grasptransfer import shapes
-from grasptransfer.shapes.canonical_surface import surface_of
-from grasptransfer.shapes.cpd_accuracy import cpd_accuracy
+from grasptransfer.workshop import objects
+from grasptransfer.workshop.building.parametric.canonical_surface import surface_of
+from grasptransfer.workshop.building.parametric.cpd_accuracy import cpd_accuracy
 
 
 def main(arguments: list[str] | None = None):
@@ -21,7 +21,7 @@ def main(arguments: list[str] | None = None):
     parser.add_argument("--quick", action="store_true", help="one sample")
     given = parser.parse_args(arguments)
     samples = 1 if given.quick else given.samples
-    rows = cpd_accuracy(surface_of(shapes.canonical(given.category)), samples=samples)
+    rows = cpd_accuracy(surface_of(objects.canonical(given.category)), samples=samples)
     print("beta  lambda    mean     p95   [mm]    mean    p95  [% of size]   surface RMS [mm]")
     for row in rows:
         lengths = f"{1000 * row.mean:8.2f}{1000 * row.p95:8.2f}"

@@ -3,8 +3,8 @@
 import numpy as np
 
 import grasptransfer as gt
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.views import look_at
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import look_at
 
 CAMERA = gt.Camera.from_fov(320, 240, np.deg2rad(60))
 POSE = look_at(0.4, 0.6, 0.6)

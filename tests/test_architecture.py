@@ -8,20 +8,29 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parent.parent / "grasptransfer"
+# The product's rooms from the ground up, then the workshop's, then the commands of both.
 ROOMS = [
     {"errors"},
     {"files"},
     {"frames"},
     {"camera"},
+    {"poses"},
+    {"meshes"},
+    {"drawing"},
+    {"jobs"},
     {"registration"},
     {"category"},
-    {"shapes"},
     {"perception"},
     {"grasping"},
     {"simulation"},
     {"result"},
     {"transfer"},
-    {"benchmark", "report", "annotator"},
+    {"report", "annotator"},
+    {"workshop"},
+    {"workshop.objects"},
+    {"workshop.building"},
+    {"workshop.training"},
+    {"workshop.benchmark", "workshop.demo_picture"},
     {"cli", "__init__", "__main__"},
 ]
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
@@ -31,8 +40,14 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
 def _room(path: Path) -> str:
-    relative = path.relative_to(PACKAGE)
-    return relative.parts[0].removesuffix(".py")
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    inner = parts[0] == "workshop" and parts[1] != "__init__"
+    return ".".join(parts[: 1 + inner])
+
+
+def _room_of_module(name: str) -> str:
+    parts = name.split(".")[1:]
+    return ".".join(parts[: 1 + (parts[0] == "workshop")])
 
 
 def _imported_rooms(path: Path) -> set[str]:
@@ -41,13 +56,13 @@ def _imported_rooms(path: Path) -> set[str]:
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: imports are absolute"
             names = [node.module or ""]
-            if node.module == "grasptransfer":
-                names = [f"grasptransfer.{alias.name}" for alias in node.names if alias.name != "__version__"]
+            if node.module in ("grasptransfer", "grasptransfer.workshop"):
+                names = [f"{node.module}.{alias.name}" for alias in node.names if alias.name != "__version__"]
         elif isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         else:
             continue
-        rooms |= {name.split(".")[1] for name in names if name.startswith("grasptransfer.")}
+        rooms |= {_room_of_module(name) for name in names if name.startswith("grasptransfer.")}
     return rooms
 
 
@@ -63,6 +78,12 @@ def test_a_room_imports_only_from_rooms_above_it(path):
     assert below - beside == set(), f"{room} imports from {below - beside}"
 
 
+def test_commands_import_the_workshop_only_when_one_of_them_runs():
+    code = "import sys, grasptransfer.cli; print([m for m in sys.modules if 'grasptransfer.workshop.' in m])"
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert output.stdout.strip() == "[]"
+
+
 def test_importing_the_package_loads_no_heavy_library():
     heavy = ["torch", "pybullet", "pyrender", "fcl", "viser", "matplotlib", "numba", "pyglet"]
     code = f"import sys, grasptransfer; print([m for m in {heavy} if m in sys.modules])"
@@ -76,8 +97,7 @@ def test_an_estimator_runs_without_what_trains_its_network():
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert "grasptransfer.perception.weights" in output
-    assert "grasptransfer.perception.learning" not in output
-    assert "grasptransfer.shapes" not in output
+    assert "grasptransfer.workshop" not in output
 
 
 def test_no_module_is_named_after_nothing():

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import grasptransfer as gt
-from grasptransfer.benchmark.seen_instances import load_instance, observe_instance
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.frames import rigid
 from grasptransfer.perception.baselines import ClsEstimator, CpdEstimator, SimilarityEstimator
 from grasptransfer.perception.estimate import EstimateStatus
-from grasptransfer.perception.rendering import Renderer
+from grasptransfer.workshop.benchmark.seen_instances import load_instance, observe_instance
 
 
 @pytest.fixture(scope="module")

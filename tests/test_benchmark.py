@@ -6,30 +6,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from grasptransfer.benchmark.deformation_maps import draw_deformation_maps
-from grasptransfer.benchmark.errors_of_shape import CanonicalSurface, _first_in_voxels, shape_error
-from grasptransfer.benchmark.glass import GlassSettings, measure_glass, see_through
-from grasptransfer.benchmark.instance_pool import measure_instances
-from grasptransfer.benchmark.judge import Judge
-from grasptransfer.benchmark.latency import stage_rows
-from grasptransfer.benchmark.registration import (
-    RegistrationSettings,
-    measure_registration,
-    run_registration_benchmark,
-)
-from grasptransfer.benchmark.registration_summary import MethodScores, summarise
-from grasptransfer.benchmark.seen_instances import (
-    load_instance,
-    random_names,
-    spread_views,
-    viewpoints_of,
-)
-from grasptransfer.benchmark.tables import rows_table
 from grasptransfer.camera import Camera
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.baselines import RigidEstimator
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.perception.observation import Observation
+from grasptransfer.workshop.benchmark.deformation_maps import draw_deformation_maps
+from grasptransfer.workshop.benchmark.errors_of_shape import CanonicalSurface, _first_in_voxels, shape_error
+from grasptransfer.workshop.benchmark.glass import GlassSettings, measure_glass, see_through
+from grasptransfer.workshop.benchmark.instance_pool import measure_instances
+from grasptransfer.workshop.benchmark.judge import Judge
+from grasptransfer.workshop.benchmark.latency import stage_rows
+from grasptransfer.workshop.benchmark.registration import (
+    RegistrationSettings,
+    measure_registration,
+    run_registration_benchmark,
+)
+from grasptransfer.workshop.benchmark.registration_summary import MethodScores, summarise
+from grasptransfer.workshop.benchmark.seen_instances import (
+    load_instance,
+    random_names,
+    spread_views,
+    viewpoints_of,
+)
+from grasptransfer.workshop.benchmark.tables import rows_table
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from grasptransfer.benchmark.cpd import run_cpd_benchmark
-from grasptransfer.benchmark.latent_fit import METHODS, LatentFitSettings, run_latent_fit_benchmark
 from grasptransfer.errors import CategoryError
+from grasptransfer.workshop.benchmark.cpd import run_cpd_benchmark
+from grasptransfer.workshop.benchmark.latent_fit import METHODS, LatentFitSettings, run_latent_fit_benchmark
 
 
 def test_cpd_is_compared_with_the_installed_peer_on_the_same_clouds():
@@ -23,7 +23,7 @@ def test_cpd_is_compared_with_the_installed_peer_on_the_same_clouds():
 
 def test_a_peer_that_would_take_too_long_is_extrapolated_and_says_so(monkeypatch):
     monkeypatch.setattr(
-        "grasptransfer.benchmark.cpd._peak_memory", lambda *_: 0.0
+        "grasptransfer.workshop.benchmark.cpd._peak_memory", lambda *_: 0.0
     )  # fresh processes are slow
     result = run_cpd_benchmark((60,), repeats=1, longest=1e-9)
     rows = {row["implementation"]: row for row in result["rows"]}

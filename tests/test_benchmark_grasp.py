@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from grasptransfer.benchmark.commands.run import run
-from grasptransfer.benchmark.grasp import GraspSettings, Outcome, _row, _summary, run_grasp_benchmark
-from grasptransfer.benchmark.seen_instances import Instance
-from grasptransfer.benchmark.tables import rows_table
 from grasptransfer.category import load_category
+from grasptransfer.cli.bench.run import run
 from grasptransfer.errors import SettingsError
 from grasptransfer.grasping import CheckStatus
 from grasptransfer.result import TransferredGrasp
+from grasptransfer.workshop.benchmark.grasp import GraspSettings, Outcome, _row, _summary, run_grasp_benchmark
+from grasptransfer.workshop.benchmark.seen_instances import Instance
+from grasptransfer.workshop.benchmark.tables import rows_table
 
 
 def grasp(name, status):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grasptransfer.benchmark.calibration import Executed, calibration_error, fit_weights, reliability
 from grasptransfer.grasping.ranking import FEATURES, Ranking, expected_success
+from grasptransfer.workshop.benchmark.calibration import Executed, calibration_error, fit_weights, reliability
 
 MOMENT = FEATURES.index("moment")
 

@@ -8,17 +8,17 @@ import trimesh
 import yaml
 from PIL import Image
 
-from grasptransfer import shapes
 from grasptransfer.category import check_category, list_categories, load_category, objects_folder
-from grasptransfer.category.building.pictures import picture, png
-from grasptransfer.category.building.surface_points import visible_surface, voxel_filter, voxel_for
-from grasptransfer.category.building.writing import glb_of, write_category
 from grasptransfer.category.category import load_scene
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.errors import CategoryError
 from grasptransfer.registration import DeformationField, ShapeSpace
-from grasptransfer.shapes.canonical_surface import surface_of
-from grasptransfer.shapes.library import CURATED, compact
+from grasptransfer.workshop import objects
+from grasptransfer.workshop.building.parametric.canonical_surface import surface_of
+from grasptransfer.workshop.building.parametric.library import CURATED, compact
+from grasptransfer.workshop.building.pictures import picture, png
+from grasptransfer.workshop.building.surface_points import visible_surface, voxel_filter, voxel_for
+from grasptransfer.workshop.building.writing import glb_of, write_category
 
 GLB_ROUNDING = 1e-7  # m: GLB files hold single precision
 
@@ -165,7 +165,7 @@ def test_a_key_given_twice_is_a_fault(boxes):
 
 
 def test_a_shipped_name_comes_before_a_folder_so_called(tmp_path, monkeypatch, capsys):
-    from grasptransfer.report.category_command_line import check
+    from grasptransfer.cli.category import check
 
     (tmp_path / "mug").mkdir()
     monkeypatch.chdir(tmp_path)
@@ -248,13 +248,13 @@ def test_a_shipped_category_is_sound(name):
 @pytest.mark.parametrize("name", list_categories())
 def test_a_shipped_category_is_what_its_generator_makes(name):
     category = load_category(name)
-    model = shapes.canonical(name)
+    model = objects.canonical(name)
     assert np.allclose(category.canonical.vertices, model.vertices, atol=GLB_ROUNDING)
     assert len(category.train) >= 14
     assert len(category.test) >= 4
     seed = CURATED[name].test[0]
     instance = category.instance_mesh(f"{name}_{seed:04d}")
-    made = shapes.sample(name, seed)
+    made = objects.sample(name, seed)
     drawn = np.concatenate([part.vertices for part in made.scene().geometry.values()])
     assert np.allclose(instance.bounds, [drawn.min(0), drawn.max(0)], atol=GLB_ROUNDING)
 
@@ -262,10 +262,10 @@ def test_a_shipped_category_is_what_its_generator_makes(name):
 @pytest.mark.parametrize("name", list_categories())
 def test_a_shipped_shape_space_explains_shapes_it_never_saw(name):
     category = load_category(name)
-    surface = surface_of(shapes.canonical(name))
+    surface = surface_of(objects.canonical(name))
     errors, before = [], []
     for seed in CURATED[name].test:
-        moved = surface.displacements(shapes.sample(name, seed))
+        moved = surface.displacements(objects.sample(name, seed))
         latent = category.shape_space.map_estimate(surface.points, moved, 0.001).mean
         found = category.shape_space.field(latent).displacement(surface.points)
         errors.append(np.square(found - moved).sum(1).mean())
@@ -336,7 +336,7 @@ def test_large_textures_shrink_and_become_jpeg(tmp_path):
 
 
 def test_checking_from_the_command_line_reads_the_grasps_too(boxes, capsys):
-    from grasptransfer.report.category_command_line import check
+    from grasptransfer.cli.category import check
 
     boxes.grasps_path.write_text("format: isaac_grasp\nformat_version: 1.0\ngrasps: {}\n")
     assert check(str(boxes.folder)) == 2

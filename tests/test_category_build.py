@@ -9,14 +9,14 @@ import trimesh
 from vases import build_vases, vase, write_vases
 
 from grasptransfer.category import check_category
-from grasptransfer.category.building import build_category
-from grasptransfer.category.building.carving import carved_surface
-from grasptransfer.category.building.cloud_files import read_pcd
-from grasptransfer.category.building.orientation import agreed_turn, best_turn
-from grasptransfer.category.building.sources import find_sources, frame_rotation, prepare
-from grasptransfer.category.building.tasks import thinned
 from grasptransfer.errors import CategoryError, MeshError, PointCloudError, SettingsError
-from grasptransfer.report.category_page import category_page
+from grasptransfer.workshop.building import build_category
+from grasptransfer.workshop.building.carving import carved_surface
+from grasptransfer.workshop.building.category_page import category_page
+from grasptransfer.workshop.building.cloud_files import read_pcd
+from grasptransfer.workshop.building.orientation import agreed_turn, best_turn
+from grasptransfer.workshop.building.sources import find_sources, frame_rotation, prepare
+from grasptransfer.workshop.building.tasks import thinned
 
 STRAIGHT = np.eye(3)
 

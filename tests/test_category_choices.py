@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from vases import cloud
 
-from grasptransfer.category.building import build_category
-from grasptransfer.category.building.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial, ranked
-from grasptransfer.category.building.outcome import Candidate, CategoryBuild, Trial
-from grasptransfer.category.building.space_fit import (
+from grasptransfer.registration import DeformationField
+from grasptransfer.report.html_parts import pill
+from grasptransfer.workshop.building import build_category
+from grasptransfer.workshop.building.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial, ranked
+from grasptransfer.workshop.building.outcome import Candidate, CategoryBuild, Trial
+from grasptransfer.workshop.building.space_fit import (
     SMOOTH,
     InstanceFields,
     fit_space,
@@ -21,8 +23,6 @@ from grasptransfer.category.building.space_fit import (
     leave_out,
     loosened,
 )
-from grasptransfer.registration import DeformationField
-from grasptransfer.report.html_parts import pill
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "08_settings_from_clouds.py"
 
@@ -125,7 +125,7 @@ def compared(clouds, tmp_path_factory):
         return builds[-1]
 
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
-        patch.setattr("grasptransfer.category.building.build_category", build)
+        patch.setattr("grasptransfer.workshop.building.build_category", build)
         main = runpy.run_path(str(EXAMPLE))["main"]
         means = main([str(clouds), "--front", "+y", "--workers", "1", "--out", str(out)])
     return Compared(builds, means, printed.getvalue(), out)

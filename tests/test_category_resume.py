@@ -16,7 +16,7 @@ from grasptransfer.errors import CategoryError
 # Killed as a machine would: no clean-up of its own. `write` is killed with the older folder in its hands.
 KILLED = """
 import os, signal, sys
-from grasptransfer.category.building import writing
+from grasptransfer.workshop.building import writing
 from vases import build_vases
 
 def die(*_):

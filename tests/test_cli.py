@@ -12,7 +12,7 @@ import yaml
 from PIL import Image
 
 from grasptransfer.category import load_category
-from grasptransfer.cli import COMMANDS, GROUPS, main
+from grasptransfer.cli.main import COMMANDS, GROUPS, main
 
 EVERY_COMMAND = [[name] for name in COMMANDS] + [[group, name] for group in GROUPS for name in GROUPS[group]]
 
@@ -174,7 +174,7 @@ def test_a_wrong_box_is_explained(told, word, files, capsys, tmp_path, monkeypat
 
 
 def test_training_has_the_same_defaults_on_the_command_line_and_in_the_library():
-    from grasptransfer.perception.learning.training import TrainingConfig
+    from grasptransfer.workshop.training.training import TrainingConfig
 
     command = {name: one.default for name, one in inspect.signature(COMMANDS["train"]).parameters.items()}
     library = {field.name: field.default for field in dataclasses.fields(TrainingConfig)}
@@ -184,7 +184,7 @@ def test_training_has_the_same_defaults_on_the_command_line_and_in_the_library()
 
 
 def test_a_folder_is_trained_on_and_not_the_shipped_category_of_its_name(tmp_path, capsys, monkeypatch):
-    from grasptransfer.perception.learning import training
+    from grasptransfer.workshop.training import training
 
     class Trained(Exception):
         pass

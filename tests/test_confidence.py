@@ -6,15 +6,15 @@ import torch
 
 from grasptransfer.category import load_category
 from grasptransfer.perception.confidence import Confidence, evidence
-from grasptransfer.perception.learning.confidence_fit import (
+from grasptransfer.perception.networks import build_network
+from grasptransfer.perception.networks.ensemble import Ensemble
+from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
+from grasptransfer.workshop.training.confidence_fit import (
     Seen,
     fit_confidence,
     fit_overconfidence,
     fit_score,
 )
-from grasptransfer.perception.networks import build_network
-from grasptransfer.perception.networks.ensemble import Ensemble
-from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
 
 
 def _seen(own, match, overlap, far):

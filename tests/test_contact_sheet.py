@@ -1,7 +1,7 @@
 import numpy as np
 import trimesh
 
-from grasptransfer.perception.rendering import Renderer
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.report.contact_sheet import GROUND, contact_sheet
 
 

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from grasptransfer.perception.learning.losses import training_loss
 from grasptransfer.perception.networks import FLOW_UNIT
 from grasptransfer.perception.networks.flownet2 import REACH, STEP, FlowNet2, correlation, warp
+from grasptransfer.workshop.training.losses import training_loss
 
 NARROW = 1 / 16
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grasptransfer.benchmark import glass
-from grasptransfer.benchmark.glass import GlassSettings, measure_glass, summarise_glass
 from grasptransfer.perception.baselines import RigidEstimator
-from grasptransfer.perception.learning.scenes import PoseNoise
+from grasptransfer.workshop.benchmark import glass
+from grasptransfer.workshop.benchmark.glass import GlassSettings, measure_glass, summarise_glass
+from grasptransfer.workshop.training.scenes import PoseNoise
 
 SETTINGS = GlassSettings(("bottle",), views=1, methods=("rigid",))
 

@@ -7,26 +7,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasptransfer import shapes
 from grasptransfer.errors import CategoryError
 from grasptransfer.registration import DeformationField
-from grasptransfer.shapes import library, space_choice
-from grasptransfer.shapes.canonical_surface import surface_of
-from grasptransfer.shapes.cpd_accuracy import cpd_accuracy
+from grasptransfer.workshop import objects
+from grasptransfer.workshop.building.parametric import library, space_choice
+from grasptransfer.workshop.building.parametric.canonical_surface import surface_of
+from grasptransfer.workshop.building.parametric.cpd_accuracy import cpd_accuracy
 
 
 @pytest.fixture(scope="module")
 def surface():
-    return surface_of(shapes.canonical("mug"))
+    return surface_of(objects.canonical("mug"))
 
 
 @pytest.fixture(scope="module")
 def moved(surface):
-    return np.stack([surface.displacements(shapes.sample("mug", seed)) for seed in range(12)])
+    return np.stack([surface.displacements(objects.sample("mug", seed)) for seed in range(12)])
 
 
 def test_points_of_the_canonical_do_not_move_to_itself(surface):
-    assert np.abs(surface.displacements(shapes.canonical("mug"))).max() < 1e-9
+    assert np.abs(surface.displacements(objects.canonical("mug"))).max() < 1e-9
 
 
 def test_fields_of_all_shapes_at_once_are_those_of_one_after_the_other(surface, moved):
@@ -62,7 +62,7 @@ def test_the_chosen_space_is_the_best_that_does_not_fold(surface, moved, monkeyp
 def test_cpd_comes_nearer_to_the_true_points_than_no_registration(surface):
     (row,) = cpd_accuracy(surface, betas=[2.0], lambdas=[10.0], samples=2)
     undeformed = [
-        np.linalg.norm(surface.displacements(shapes.sample("mug", seed)), axis=1).mean()
+        np.linalg.norm(surface.displacements(objects.sample("mug", seed)), axis=1).mean()
         for seed in (3_000_000, 3_000_001)
     ]
     assert row.mean < np.mean(undeformed)
@@ -71,7 +71,7 @@ def test_cpd_comes_nearer_to_the_true_points_than_no_registration(surface):
 
 
 def test_every_generator_has_curated_instances_that_do_not_overlap():
-    assert set(library.CURATED) == set(shapes.generators())
+    assert set(library.CURATED) == set(objects.generators())
     for curated in library.CURATED.values():
         assert len(curated.train) >= 14
         assert len(curated.test) >= 4
@@ -87,7 +87,13 @@ def test_the_command_writes_the_named_categories_or_all(monkeypatch):
 
 
 def test_the_command_ends_with_code_2_and_the_known_names(tmp_path):
-    command = [sys.executable, "-m", "grasptransfer.shapes.library", str(tmp_path), "teapot"]
+    command = [
+        sys.executable,
+        "-m",
+        "grasptransfer.workshop.building.parametric.library",
+        str(tmp_path),
+        "teapot",
+    ]
     ended = subprocess.run(command, capture_output=True, text=True)
     assert (ended.returncode, "spray_bottle" in ended.stderr) == (2, True)
     assert "Traceback" not in ended.stderr

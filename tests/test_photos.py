@@ -5,12 +5,12 @@ import pytest
 import yaml
 from PIL import Image
 
-from grasptransfer.benchmark.photo_summary import summarise_photos
-from grasptransfer.benchmark.photos import PhotoSettings, measure_object, read_photos
-from grasptransfer.benchmark.seen_instances import load_instance, observe_instance
-from grasptransfer.benchmark.tables import rows_table
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
-from grasptransfer.perception.rendering import Renderer
+from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
+from grasptransfer.workshop.benchmark.photos import PhotoSettings, measure_object, read_photos
+from grasptransfer.workshop.benchmark.seen_instances import load_instance, observe_instance
+from grasptransfer.workshop.benchmark.tables import rows_table
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import rotation_angle, transform_points
 from grasptransfer.perception.pose_and_shape import TOLD_POSE, Motion, fit_pose_and_shape
-from grasptransfer.perception.views import look_at
 
 CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grasptransfer.benchmark.refusal import RANDOM, summarise
-from grasptransfer.perception.learning.random_objects import draw_random_object
+from grasptransfer.workshop.benchmark.refusal import RANDOM, summarise
+from grasptransfer.workshop.training.random_objects import draw_random_object
 
 
 def _row(shown: str, score: float) -> dict:

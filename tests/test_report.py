@@ -13,10 +13,10 @@ from PIL import Image
 from seen_mug import CAMERA, POSE, see_mug
 
 import grasptransfer as gt
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.grasping.formats import read_grasps
 from grasptransfer.perception.estimate import ShapeEstimate
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.registration import DeformationField
 from grasptransfer.report import transfer_files
 from grasptransfer.report.execution_table import execution_table

@@ -7,12 +7,12 @@ import pytest
 from scipy.ndimage import binary_dilation
 
 import grasptransfer as gt
-from grasptransfer.benchmark.errors_of_shape import outer_surface, shape_error
-from grasptransfer.benchmark.seen_instances import instances, observe_instance
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import PoseError, WeightsError
 from grasptransfer.perception.estimate import EstimateStatus
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.workshop.benchmark.errors_of_shape import outer_surface, shape_error
+from grasptransfer.workshop.benchmark.seen_instances import instances, observe_instance
 
 
 @pytest.fixture(scope="module")

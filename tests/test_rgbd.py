@@ -6,17 +6,22 @@ import numpy as np
 import pytest
 
 import grasptransfer as gt
-from grasptransfer import shapes
-from grasptransfer.benchmark.errors_of_shape import outer_surface, shape_error
-from grasptransfer.benchmark.glass import GlassSettings, sense
-from grasptransfer.benchmark.seen_instances import Instance, load_instance, observe_instance, see_instance
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.frames import rotation_angle
 from grasptransfer.perception.estimate import ShapeEstimate, with_certain_pose
-from grasptransfer.perception.learning.scenes import PoseNoise
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.rgbd import RgbdEstimator
 from grasptransfer.registration import DeformationField
+from grasptransfer.workshop import objects
+from grasptransfer.workshop.benchmark.errors_of_shape import outer_surface, shape_error
+from grasptransfer.workshop.benchmark.glass import GlassSettings, sense
+from grasptransfer.workshop.benchmark.seen_instances import (
+    Instance,
+    load_instance,
+    observe_instance,
+    see_instance,
+)
+from grasptransfer.workshop.training.scenes import PoseNoise
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +186,7 @@ def test_sensed_depth_of_random_bottles_of_glass_helps_against_a_wrong_pose(rend
     none = DeformationField.identity(category.shape_space.control_points)
     errors = {"rgb": [], "rgbd": []}
     for seed in (62_000_000, 62_000_001, 62_000_002):
-        shape = shapes.sample("bottle", seed)
+        shape = objects.sample("bottle", seed)
         instance = Instance(category, str(seed), shape.scene(), none)
         noise = PoseNoise(0.02, np.deg2rad(5))
         sight = see_instance(instance, seed % 74, renderer=renderer, noise=noise)

@@ -6,10 +6,10 @@ from scipy.spatial import KDTree
 
 import grasptransfer as gt
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import transform_points
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.seen_surface import RAYS, ShapedModel, see_surface
-from grasptransfer.perception.views import look_at
 
 CAMERA = Camera.from_fov(320, 240, np.deg2rad(60))
 POSE = look_at(0.4, 0.7, 0.6)

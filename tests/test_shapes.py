@@ -1,21 +1,21 @@
 import numpy as np
 import pytest
 
-from grasptransfer import shapes
 from grasptransfer.errors import CategoryError, SettingsError
+from grasptransfer.workshop import objects
 
-CATEGORIES = shapes.generators()
+CATEGORIES = objects.generators()
 SEEDS = range(12)
 
 
 @pytest.fixture(scope="module")
 def samples():
-    return {name: [shapes.sample(name, seed) for seed in SEEDS] for name in CATEGORIES}
+    return {name: [objects.sample(name, seed) for seed in SEEDS] for name in CATEGORIES}
 
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_every_part_is_watertight_and_wound_outwards(name, samples):
-    for shape in [shapes.canonical(name), *samples[name]]:
+    for shape in [objects.canonical(name), *samples[name]]:
         for part in (*shape.parts, *shape.contents):
             solid = part.solid()
             assert solid.is_watertight, part.name
@@ -25,7 +25,7 @@ def test_every_part_is_watertight_and_wound_outwards(name, samples):
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_bounding_box_is_centred_and_of_hand_size_in_metres(name, samples):
-    for shape in [shapes.canonical(name), *samples[name]]:
+    for shape in [objects.canonical(name), *samples[name]]:
         low, high = shape.mesh().bounds
         np.testing.assert_allclose(low, -high, atol=1e-12)
         assert 0.03 < (high - low).max() < 0.5
@@ -33,7 +33,7 @@ def test_bounding_box_is_centred_and_of_hand_size_in_metres(name, samples):
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_topology_is_the_same_for_all_seeds(name, samples):
-    canonical = shapes.canonical(name)
+    canonical = objects.canonical(name)
     for shape in samples[name]:
         np.testing.assert_array_equal(shape.faces, canonical.faces)
         np.testing.assert_array_equal(shape.corresponds, canonical.corresponds)
@@ -45,11 +45,11 @@ def test_topology_is_the_same_for_all_seeds(name, samples):
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_canonical_vertices_correspond_exactly(name, samples):
-    canonical = shapes.canonical(name)
+    canonical = objects.canonical(name)
     faces = canonical.faces[::7]
     inside = canonical.vertices[faces].mean(1)
     for shape in samples[name][:3]:
-        points, valid = shapes.corresponding_points(canonical, shape, inside)
+        points, valid = objects.corresponding_points(canonical, shape, inside)
         expected = shape.vertices[faces].mean(1)
         right = (valid == canonical.corresponds[faces].all(1)) & (
             np.linalg.norm(points - expected, axis=1) < 1e-9
@@ -59,22 +59,22 @@ def test_canonical_vertices_correspond_exactly(name, samples):
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_canonical_corresponds_to_itself(name):
-    canonical = shapes.canonical(name)
+    canonical = objects.canonical(name)
     points = canonical.mesh().sample(500, seed=1)
-    found, _ = shapes.corresponding_points(canonical, canonical, points)
+    found, _ = objects.corresponding_points(canonical, canonical, points)
     np.testing.assert_allclose(found, points, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_points_off_the_surface_have_no_counterpart(name):
-    canonical = shapes.canonical(name)
-    _, valid = shapes.corresponding_points(canonical, canonical, np.array([[1.0, 0.0, 0.0]]))
+    canonical = objects.canonical(name)
+    _, valid = objects.corresponding_points(canonical, canonical, np.array([[1.0, 0.0, 0.0]]))
     assert not valid.any()
 
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_a_seed_gives_the_same_shape_again_and_another_seed_another(name, samples):
-    first, again, other = samples[name][0], shapes.sample(name, 0), samples[name][1]
+    first, again, other = samples[name][0], objects.sample(name, 0), samples[name][1]
     np.testing.assert_array_equal(first.vertices, again.vertices)
     for a, b in zip(first.parts, again.parts, strict=True):
         np.testing.assert_array_equal(a.material.texture, b.material.texture)
@@ -100,7 +100,7 @@ def test_vertices_that_are_welded_coincide(name, samples):
 
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_moving_all_the_way_towards_the_canonical_gives_its_vertices(name, samples):
-    canonical = shapes.canonical(name)
+    canonical = objects.canonical(name)
     moved = samples[name][0].towards(canonical, 1.0)
     np.testing.assert_allclose(moved.vertices, canonical.vertices, atol=1e-15)
 
@@ -114,24 +114,24 @@ def test_the_scene_holds_every_part_and_draws_clear_parts_last(name, samples):
 
 
 def test_a_fixed_parameter_is_kept():
-    assert shapes.sample("mug", 3, height=0.1).parameters["height"] == 0.1
+    assert objects.sample("mug", 3, height=0.1).parameters["height"] == 0.1
 
 
 def test_an_unknown_category_or_parameter_is_answered_with_the_choices():
     with pytest.raises(CategoryError, match="mug"):
-        shapes.sample("teapot", 0)
+        objects.sample("teapot", 0)
     with pytest.raises(SettingsError, match="handle_top"):
-        shapes.sample("mug", 0, colour="red")
+        objects.sample("mug", 0, colour="red")
 
 
 def test_a_negative_seed_is_refused():
     with pytest.raises(SettingsError, match="seed: must be 0 or more"):
-        shapes.sample("mug", -1)
+        objects.sample("mug", -1)
 
 
 def test_a_mug_is_hollow_and_its_handle_points_forward():
     for seed in SEEDS:
-        shape = shapes.sample("mug", seed)
+        shape = objects.sample("mug", seed)
         body, handle = shape.parts
         outer = body.solid().convex_hull.volume
         assert body.solid().volume < 0.6 * outer
@@ -140,7 +140,7 @@ def test_a_mug_is_hollow_and_its_handle_points_forward():
 
 def test_liquid_stays_inside_the_bottle():
     for seed in SEEDS:
-        shape = shapes.sample("bottle", seed)
+        shape = objects.sample("bottle", seed)
         # Rays and containment are slow on 6000 faces: every 37th vertex reaches every row of the grid.
         liquid = shape.contents[0].vertices[::37]
         assert shape.parts[0].solid().contains(liquid).all(), shape.parameters
@@ -149,7 +149,7 @@ def test_liquid_stays_inside_the_bottle():
 def test_glass_is_blended_and_its_liquid_drawn_before_it():
     shape = next(
         shape
-        for shape in (shapes.sample("bottle", seed) for seed in range(50))
+        for shape in (objects.sample("bottle", seed) for seed in range(50))
         if shape.parts[0].material.transparent
     )
     names = list(shape.scene().geometry)
@@ -160,13 +160,13 @@ def test_glass_is_blended_and_its_liquid_drawn_before_it():
 
 
 def test_an_opaque_bottle_hides_its_liquid():
-    assert "liquid" not in shapes.canonical("bottle").scene().geometry
+    assert "liquid" not in objects.canonical("bottle").scene().geometry
 
 
 def test_an_empty_glass_mug_draws_nothing_inside():
     glasses = [
         shape
-        for shape in (shapes.sample("mug", seed, fill=0.02) for seed in range(150))
+        for shape in (objects.sample("mug", seed, fill=0.02) for seed in range(150))
         if shape.parts[0].material.transparent
     ]
     assert glasses

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from grasptransfer.shapes import Shape, canonical, corresponding_points, sample
+from grasptransfer.workshop.objects import Shape, canonical, corresponding_points, sample
 
 CATEGORIES = ("drill", "camera", "spray_bottle")
 # Extents along x, y and z [m]: the smallest and largest on the market, measured ones well inside.

@@ -3,9 +3,9 @@
 import numpy as np
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.views import look_at
 from grasptransfer.perception.pose_and_shape import Motion, Outline, fit_pose_and_shape
 from grasptransfer.perception.silhouette import Silhouette
-from grasptransfer.perception.views import look_at
 
 CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
 POSE = look_at(0.5, 0.4, 0.3)

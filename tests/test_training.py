@@ -12,26 +12,26 @@ import pytest
 import torch
 
 from grasptransfer.category import load_category
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError, WeightsError
 from grasptransfer.perception.confidence import Confidence
-from grasptransfer.perception.learning import dataset as dataset_module
-from grasptransfer.perception.learning import model_card
-from grasptransfer.perception.learning import training as training_module
-from grasptransfer.perception.learning.augmentation import network_input, training_batch
-from grasptransfer.perception.learning.dataset import Dataset, DatasetConfig, build_dataset
-from grasptransfer.perception.learning.log import append_row, drop_rows_after, read_rows
-from grasptransfer.perception.learning.losses import training_loss
-from grasptransfer.perception.learning.model_card import write_card
-from grasptransfer.perception.learning.processes import Place, join_processes
-from grasptransfer.perception.learning.samples import render_sample
-from grasptransfer.perception.learning.scenes import NO_NOISE
-from grasptransfer.perception.learning.training import TrainingConfig, train
-from grasptransfer.perception.learning.training_shapes import draw_training_shape, training_canonical
 from grasptransfer.perception.networks import Prediction, build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.networks.picture_features import load_picture_features
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
+from grasptransfer.workshop.training import dataset as dataset_module
+from grasptransfer.workshop.training import model_card
+from grasptransfer.workshop.training import training as training_module
+from grasptransfer.workshop.training.augmentation import network_input, training_batch
+from grasptransfer.workshop.training.dataset import Dataset, DatasetConfig, build_dataset
+from grasptransfer.workshop.training.log import append_row, drop_rows_after, read_rows
+from grasptransfer.workshop.training.losses import training_loss
+from grasptransfer.workshop.training.model_card import write_card
+from grasptransfer.workshop.training.processes import Place, join_processes
+from grasptransfer.workshop.training.samples import render_sample
+from grasptransfer.workshop.training.scenes import NO_NOISE
+from grasptransfer.workshop.training.training import TrainingConfig, train
+from grasptransfer.workshop.training.training_shapes import draw_training_shape, training_canonical
 
 MUG = load_category("mug")
 CONFIG = DatasetConfig((MUG,), samples=4, seed=3, backgrounds=2, sprites=2)
@@ -537,8 +537,8 @@ from pathlib import Path
 import torch
 
 from grasptransfer.category import load_category
-from grasptransfer.perception.learning import training
-from grasptransfer.perception.learning.dataset import Dataset
+from grasptransfer.workshop.training import training
+from grasptransfer.workshop.training.dataset import Dataset
 
 torch.set_num_threads(1)
 data, out = Dataset(Path(sys.argv[1])), Path(sys.argv[2])

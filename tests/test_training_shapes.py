@@ -8,7 +8,7 @@ import yaml
 
 from grasptransfer.category import Category, load_category
 from grasptransfer.files import sha256
-from grasptransfer.perception.learning.training_shapes import (
+from grasptransfer.workshop.training.training_shapes import (
     draw_training_shape,
     has_generator,
     instances_of,

@@ -6,8 +6,8 @@ import trimesh
 import yaml
 from PIL import Image
 
+from grasptransfer.drawing.views import look_at
 from grasptransfer.errors import ImageError, MeshError, PoseError
-from grasptransfer.perception.views import look_at
 from grasptransfer.report import transfer_files
 from grasptransfer.report.pose_file import load_pose
 

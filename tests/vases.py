@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from grasptransfer.category.building import CategoryBuild, build_category
+from grasptransfer.workshop.building import CategoryBuild, build_category
 
 SMALL = {"control_points": 80, "workers": 1, "beta": 1.0, "lam": 1.0, "modes": 2, "flexibility": 0.0}
 

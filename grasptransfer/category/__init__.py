@@ -1,6 +1,6 @@
 """A category of objects on disk: its canonical model, instances, shape space and grasp file.
 
-`objects/README.md` is the format. Building one from meshes is `category.building`.
+`objects/README.md` is the format. Building one from meshes is `workshop.building`.
 """
 
 from grasptransfer.category.category import (

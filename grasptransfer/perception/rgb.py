@@ -11,6 +11,7 @@ from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
@@ -34,7 +35,6 @@ from grasptransfer.perception.pose_and_shape import (
     PoseAndShape,
     fit_pose_and_shape,
 )
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights

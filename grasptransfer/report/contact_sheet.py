@@ -7,8 +7,8 @@ import trimesh
 from jaxtyping import Float, UInt8
 
 from grasptransfer.camera import Camera
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.views import look_at
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import look_at
 
 # (azimuth, elevation) in degrees: three-quarter view from the front, from the side.
 VIEWS = ((40.0, 25.0), (90.0, 5.0))

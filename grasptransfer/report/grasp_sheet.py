@@ -10,9 +10,9 @@ import trimesh
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import write_whole
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.report.grasp_pictures import PICTURE, DrawnGrasp, GraspPictures
 from grasptransfer.report.studio import GROUND, Studio
 

@@ -4,6 +4,7 @@ import base64
 import io
 from collections.abc import Iterable, Sequence
 from html import escape
+from importlib import resources
 
 import numpy as np
 from jaxtyping import UInt8
@@ -13,6 +14,11 @@ Picture = UInt8[np.ndarray, "h w 3"]
 
 JPEG_QUALITY = 88
 GIF_COLOURS = 96
+
+
+def style_sheet() -> str:
+    """CSS of every page."""
+    return resources.files("grasptransfer.report").joinpath("page.css").read_text(encoding="utf-8")
 
 
 def jpeg_uri(picture: Picture) -> str:

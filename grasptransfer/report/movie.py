@@ -10,9 +10,9 @@ import trimesh
 from jaxtyping import Float, Int, UInt8
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.views import look_at
 from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import rigid, transform_points
-from grasptransfer.perception.views import look_at
 from grasptransfer.report.grasp_pictures import HAND, OBJECT, OBSTACLE, REFUSED, USABLE
 from grasptransfer.report.html_parts import gif_bytes
 from grasptransfer.report.studio import (
@@ -99,7 +99,7 @@ def save_movies(
         mesh: what was executed on, object frame [m].
         folder: is made where it does not exist.
     """
-    from grasptransfer.perception.rendering import Renderer
+    from grasptransfer.drawing.rendering import Renderer
 
     folder, written = Path(folder), []
     with writing(folder):

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +9,8 @@ import numpy as np
 import trimesh
 
 import grasptransfer
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.files import write_whole
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.report.grasp_pictures import GraspPictures
 from grasptransfer.report.html_parts import (
     facts,
@@ -22,6 +21,7 @@ from grasptransfer.report.html_parts import (
     pill,
     row,
     section,
+    style_sheet,
     table,
 )
 from grasptransfer.report.pictures import FOUND, MASK, TOLD, DeformationMaps, Pictures
@@ -89,7 +89,7 @@ def write_page(
 
 
 def _document(result: "TransferResult", trials: Sequence, body: str) -> str:
-    style = resources.files("grasptransfer.report").joinpath("page.css").read_text(encoding="utf-8")
+    style = style_sheet()
     title = headline(result)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image, ImageDraw
 from scipy import ndimage
 
-from grasptransfer.perception.rendering import position_image
+from grasptransfer.drawing.rendering import position_image
 from grasptransfer.report.studio import (
     CANONICAL,
     RECONSTRUCTION,

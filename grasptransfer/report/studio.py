@@ -10,10 +10,10 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.lighting import Lighting
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.perception.lighting import Lighting
-from grasptransfer.perception.rendering import Renderer
-from grasptransfer.perception.views import look_at
 from grasptransfer.perception.zoom import Box, projected_box, union
 
 Colour = tuple[int, int, int]

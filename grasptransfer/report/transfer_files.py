@@ -14,9 +14,8 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 from grasptransfer.camera import Camera
-from grasptransfer.category.building.sources import MESHES
 from grasptransfer.errors import ImageError, MeshError, SettingsError
-from grasptransfer.files import writing
+from grasptransfer.files import MESHES, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
 from grasptransfer.perception.observation import read_image

@@ -11,10 +11,10 @@ import trimesh
 from jaxtyping import Int
 from PIL import Image, ImageDraw, ImageFont
 
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import write_whole
 from grasptransfer.frames import rotation_angle
-from grasptransfer.perception.rendering import Renderer
 from grasptransfer.report.grasp_sheet import GAP, INK, LINE
 from grasptransfer.report.movie import MOVIE, movie
 from grasptransfer.report.studio import GROUND, Studio

@@ -1,1 +1,0 @@
-"""What `grasptransfer bench …` runs, by what is measured; `benchmark/command_line.py` lists them."""

@@ -1,0 +1,90 @@
+"""`bench grasp` and `bench calibration`: whether transferred grasps hold when PyBullet executes them."""
+
+import math
+from functools import partial
+
+from grasptransfer.cli.bench.arguments import (
+    Categories,
+    Gripper,
+    Json,
+    Meshes,
+    Rotation,
+    Translation,
+    Views,
+    ViewsOfEach,
+    Workers,
+    trained,
+)
+from grasptransfer.cli.bench.run import ledger_of, run
+
+
+def grasp(
+    *,
+    json: Json,
+    categories: Categories = (),
+    meshes: Meshes = None,
+    objects: int = 0,
+    views: Views = 12,
+    estimators: tuple[str, ...] = ("gt", "rgb", "cls", "cpd", "similarity", "rigid"),
+    gripper: Gripper = "panda",
+    protocol: str = "lift-shake-v1",
+    translation: Translation = 0.0,
+    rotation: Rotation = 0.0,
+    workers: Workers = 2,
+    seed: int = 0,
+) -> int:
+    """Grasp success in PyBullet, on the true mesh, of rgb and the baselines.
+
+    Args:
+        objects: random shapes of each category instead of the test instances; 0: none.
+        estimators: gt (the true field), rgb, cls, cpd, similarity, rigid.
+        protocol: named and versioned execution protocol.
+        seed: of lights, backgrounds, pose errors and trials.
+    """
+    from grasptransfer.workshop.benchmark.grasp import GraspSettings, run_grasp_benchmark
+
+    settings = GraspSettings(
+        trained(categories),
+        meshes,
+        objects,
+        views,
+        gripper,
+        protocol,
+        seed,
+        translation,
+        math.radians(rotation),
+        estimators,
+    )
+    return run(partial(run_grasp_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
+
+
+def calibration(
+    *,
+    json: Json,
+    categories: Categories = (),
+    objects: int = 12,
+    views: ViewsOfEach = 3,
+    translation: Translation = 0.0,
+    rotation: Rotation = 0.0,
+    workers: Workers = 2,
+    seed: int = 0,
+) -> int:
+    """Whether a grasp's score is its chance to hold; prints the ranking's weights that make it so.
+
+    Every other view of an object has the pose error, where one is given.
+
+    Args:
+        objects: random shapes of each category.
+        seed: of lights, backgrounds, pose errors and trials.
+    """
+    from grasptransfer.workshop.benchmark.calibration import CalibrationSettings, run_calibration
+
+    settings = CalibrationSettings(
+        trained(categories),
+        objects,
+        views,
+        translation_noise=translation,
+        rotation_noise=math.radians(rotation),
+        seed=seed,
+    )
+    return run(partial(run_calibration, settings, workers=workers, ledger=ledger_of(json)), json)

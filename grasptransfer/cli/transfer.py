@@ -1,0 +1,128 @@
+"""`grasptransfer demo | transfer | simulate`: from files to grasps, a report and executed trials."""
+
+from pathlib import Path
+from typing import Annotated
+
+from rich.console import Console
+from tyro.conf import Positional, arg
+
+from grasptransfer.cli.progress import progress_bar
+
+console = Console(markup=False)
+
+
+def demo(*, out: Path = Path("demo_out"), seed: int = 0) -> int:
+    """Transfer grasps to a mug that no training saw, execute them, and write a report.
+
+    Args:
+        out: folder for report.html, grasps.yaml and reconstruction.glb.
+        seed: of everything random.
+    """
+    from grasptransfer.report.demo import run_demo
+
+    with progress_bar(console) as progress:
+        outcome = run_demo(out, seed=seed, on_stage=lambda text: progress.console.print(f"  {text}"))
+    console.print(outcome.sentence, soft_wrap=True)
+    return 0 if outcome.usable else 1
+
+
+def transfer(
+    image: Positional[Annotated[Path, arg(metavar="IMAGE")]],
+    *,
+    category: str,
+    pose: Path,
+    out: Path,
+    camera: Path | None = None,
+    gripper: str = "panda",
+    scene: Path | None = None,
+    mask: Path | None = None,
+    box: tuple[float, float, float, float] | None = None,
+    execute: Path | None = None,
+    refine_pose: bool = True,
+    estimator: str = "rgb",
+    depth: Path | None = None,
+    device: str = "auto",
+    seed: int = 0,
+) -> int:
+    """Transfer the annotated grasps of a category to the instance in a picture.
+
+    Args:
+        image: RGB picture.
+        category: name or folder of the category.
+        pose: YAML with camera_from_object (4x4, OpenCV, metres), or BOP's cam_R_m2c and cam_t_m2c (mm).
+        out: folder for report.html, grasps.yaml and reconstruction.glb.
+        camera: YAML with fx fy cx cy width height, or BOP's cam_K; without it 60 degrees are assumed.
+        gripper: name, or YAML of your own.
+        scene: YAML with obstacles and a support plane.
+        mask: picture that is white on the object.
+        box: instead of a mask: u0 v0 u1 v1 around the object [px], as any detector gives it.
+        execute: true mesh of the instance [m], standing at the told pose; PyBullet executes the grasps on it.
+        refine_pose: fit the pose together with the shape.
+        estimator: rgb, rgbd, cls, cpd, similarity or rigid.
+        depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
+        device: auto, cpu or cuda.
+        seed: of everything random.
+    """
+    from grasptransfer.report.transfer_files import run_transfer
+
+    outcome = run_transfer(
+        image,
+        pose,
+        category,
+        camera=camera,
+        gripper=gripper,
+        scene=scene,
+        mask=mask,
+        box=box,
+        depth=depth,
+        execute=execute,
+        estimator=estimator,
+        refine_pose=refine_pose,
+        device=device,
+        seed=seed,
+        out=out,
+    )
+    console.print(outcome.sentence, soft_wrap=True)
+    return 0 if outcome.usable else 1
+
+
+def simulate(
+    *,
+    grasps: Path,
+    mesh: Path,
+    gripper: str = "panda",
+    protocol: str = "lift-shake-v1",
+    trials: int = 1,
+    workers: int = 1,
+    results: Path | None = None,
+    movies: Path | None = None,
+    seed: int = 0,
+) -> int:
+    """Execute grasps on a mesh in PyBullet.
+
+    Args:
+        grasps: grasp file in any format `convert` reads, object frame.
+        mesh: the object, metres.
+        gripper: name, or YAML of your own.
+        protocol: named and versioned execution protocol.
+        trials: perturbed trials of each grasp; 1 executes it exactly.
+        workers: processes.
+        results: JSON lines that an interrupted run resumes from.
+        movies: folder for a GIF of each trial.
+        seed: of the perturbations.
+    """
+    from grasptransfer.report.execution_table import run_simulation
+
+    table, held = run_simulation(
+        grasps,
+        mesh,
+        gripper,
+        protocol=protocol,
+        trials=trials,
+        workers=workers,
+        results=results,
+        seed=seed,
+        movies=movies,
+    )
+    console.print(table)
+    return 0 if held else 1

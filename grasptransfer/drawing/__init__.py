@@ -1,0 +1,1 @@
+"""Meshes and cameras in; colour pictures, depth and positions out. All OpenGL is behind this room."""

@@ -1,0 +1,233 @@
+"""`bench grasp`: grasps of every estimator, executed in PyBullet on the true mesh of unseen instances."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.errors import SettingsError
+from grasptransfer.frames import invert
+from grasptransfer.grasping import load_gripper
+from grasptransfer.result import TransferredGrasp, TransferResult
+from grasptransfer.simulation import load_protocol, simulate
+from grasptransfer.transfer import GraspTransfer
+from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.estimators import EstimatorSet, TrueFieldEstimator
+from grasptransfer.workshop.benchmark.instance_pool import measure_instances
+from grasptransfer.workshop.benchmark.seen_instances import (
+    Instance,
+    instance_names,
+    load_instance,
+    observe_instance,
+    random_names,
+    spread_views,
+    viewpoints_of,
+)
+from grasptransfer.workshop.training.scenes import NO_NOISE, PoseNoise
+
+FIRST_SEED = 79_000_000  # of random shapes: far from those that networks, spaces and ranking were fitted to
+ESTIMATORS = ("gt", "rgb", "cls", "cpd", "similarity", "rigid")
+
+
+@dataclass(frozen=True)
+class GraspSettings:
+    """What is measured.
+
+    Args:
+        categories: names.
+        meshes: folder of `<category>/<name>/mesh.*`; None takes the shipped test instances.
+        objects: random shapes of each category instead of the test instances; 0: none.
+        views: of the 74 viewpoints, spread evenly; random shapes are each seen from the next ones.
+        gripper: name.
+        protocol: of the execution.
+        seed: of lights, backgrounds, pose errors and trials.
+        translation_noise: half-width of the told pose's error on each axis [m].
+        rotation_noise: largest turn of the told pose [rad].
+        estimators: which of `ESTIMATORS`.
+    """
+
+    categories: tuple[str, ...]
+    meshes: Path | None = None
+    objects: int = 0
+    views: int = 12
+    gripper: str = "panda"
+    protocol: str = "lift-shake-v1"
+    seed: int = 0
+    translation_noise: float = 0.0
+    rotation_noise: float = 0.0
+    estimators: tuple[str, ...] = ESTIMATORS
+
+
+def run_grasp_benchmark(
+    settings: GraspSettings,
+    *,
+    workers: int = 1,
+    ledger: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict:
+    """Success of the annotated grasps under every estimator, as the contract's JSON document.
+
+    Of a symmetry family the best-ranked member is executed: it is what a robot would do.
+
+    Args:
+        workers: processes.
+        ledger: file that an interrupted run resumes from.
+
+    Raises:
+        SettingsError: an unknown estimator or protocol, a wrong number of views, or both meshes and objects.
+        GripperError: an unknown gripper.
+    """
+    unknown = set(settings.estimators) - set(ESTIMATORS)
+    if unknown:
+        raise SettingsError("unknown estimator", key="estimators", value=sorted(unknown), choices=ESTIMATORS)
+    load_protocol(settings.protocol)  # wrong names are refused before minutes of pictures
+    load_gripper(settings.gripper)
+    spread_views(settings.views)
+    found = [(category, name) for category in settings.categories for name in _names(settings, category)]
+    measured = measure_instances(
+        _measure_instance, settings, found, workers=workers, ledger=ledger, progress=progress
+    )
+    rows = [row for instance in measured for row in instance["rows"]]
+    rows.sort(key=lambda row: (row["category"], row["instance"], row["estimator"]))
+    return document("grasp", settings=asdict(settings), rows=rows, summary=_summary(rows, settings))
+
+
+def _names(settings: GraspSettings, category: str) -> list[str]:
+    if not settings.objects:
+        return instance_names(category, settings.meshes)
+    if settings.meshes is not None:
+        raise SettingsError("take the place of meshes: name one", key="objects", value=settings.objects)
+    return random_names(settings.objects, FIRST_SEED)
+
+
+def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict:
+    """`rows`, one for each estimator."""
+    instance = load_instance(category, name, settings.meshes)
+    gripper = load_gripper(settings.gripper)
+    noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
+    outcomes: dict[str, list[Outcome]] = defaultdict(list)
+    with Renderer() as renderer:
+        others = tuple(name for name in settings.estimators if name != "gt")
+        estimators = EstimatorSet(renderer, refine_pose=noise != NO_NOISE).of(instance, others)
+        if "gt" in settings.estimators:
+            estimators["gt"] = TrueFieldEstimator(instance)
+        flows = {
+            key: GraspTransfer(instance.category, gripper=gripper, estimator=estimator)
+            for key, estimator in estimators.items()
+        }
+        for viewpoint in viewpoints_of(name, settings.views):
+            observation, pose = observe_instance(
+                instance, viewpoint, renderer=renderer, noise=noise, seed=settings.seed
+            )
+            for key, flow in flows.items():
+                seen = replace(observation, camera_from_object=pose) if key == "gt" else observation
+                result = flow.grasp(seen, flow.estimator(seen))
+                outcomes[key].append(
+                    execute(result, pose, instance.solid, protocol=settings.protocol, seed=settings.seed)
+                )
+    return {"rows": [_row(instance, key, views) for key, views in outcomes.items()]}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One picture: what was executed, best-ranked first, and what became of it."""
+
+    grasps: list[TransferredGrasp]
+    held: list[bool]
+    reasons: list[str]
+
+    @property
+    def best_held(self) -> bool:
+        """Whether the best-ranked grasp held; without a usable one the robot does not grasp: no success."""
+        return bool(self.grasps) and self.grasps[0].usable and self.held[0]
+
+    @property
+    def usable_held(self) -> list[bool]:
+        """Of those called usable."""
+        return [held for grasp, held in zip(self.grasps, self.held, strict=True) if grasp.usable]
+
+
+def execute(
+    result: TransferResult,
+    true_pose: Float[np.ndarray, "4 4"],
+    solid: trimesh.Trimesh,
+    *,
+    protocol: str = "lift-shake-v1",
+    seed: int = 0,
+) -> Outcome:
+    """The best grasp of each symmetry family, executed on the true object at its true pose.
+
+    Args:
+        true_pose: `camera_from_object` [m].
+        solid: the true object, its own frame [m].
+        seed: of the trials.
+    """
+    grasps = _best_of_each_family(result.grasps)
+    placed = as_executed(grasps, estimated_pose=result.camera_from_object, true_pose=true_pose)
+    trials = simulate(placed, solid, result.gripper, protocol=protocol, seed=seed)
+    reasons = [trial.status.name for trial in trials]
+    return Outcome(grasps, [reason == "HELD" for reason in reasons], reasons)
+
+
+def as_executed(grasps: Sequence, *, estimated_pose: np.ndarray, true_pose: np.ndarray) -> list:
+    """The grasps in the frame of the true object, `object_from_gripper` (4, 4) [m] of each replaced.
+
+    The robot moves to where it believes a grasp is in the camera; the object is at its true pose.
+    """
+    true_from_estimated = invert(true_pose) @ estimated_pose
+    return [replace(g, object_from_gripper=true_from_estimated @ g.object_from_gripper) for g in grasps]
+
+
+def _best_of_each_family(grasps: tuple[TransferredGrasp, ...]) -> list[TransferredGrasp]:
+    best: dict[str, TransferredGrasp] = {}
+    for grasp in grasps:  # they come best first
+        best.setdefault(grasp.name.split("/")[0], grasp)
+    return list(best.values())
+
+
+def _row(instance: Instance, estimator: str, views: list[Outcome]) -> dict:
+    held = [h for view in views for h in view.held]
+    usable = [h for view in views for h in view.usable_held]
+    top = [view.best_held for view in views]
+    return {
+        "category": instance.category.name,
+        "instance": instance.name,
+        "estimator": estimator,
+        "views": len(views),
+        "grasps": len(held),
+        "success": float(np.mean(held)),
+        "top1": float(np.mean(top)),
+        "without_usable": sum(not view.usable_held for view in views),
+        "usable": len(usable),
+        "usable_held": int(sum(usable)),
+        "reasons": dict(Counter(reason for view in views for reason in view.reasons)),
+    }
+
+
+def _summary(rows: list[dict], settings: GraspSettings) -> dict:
+    summary: dict[str, Any] = {"protocol": settings.protocol, "trials": sum(row["grasps"] for row in rows)}
+    for name in settings.estimators:
+        group = [row for row in rows if row["estimator"] == name]
+        usable = sum(row["usable"] for row in group)
+        summary[f"success_{name}"] = float(np.mean([row["success"] for row in group]))
+        summary[f"top1_{name}"] = float(np.mean([row["top1"] for row in group]))
+        summary[f"usable_precision_{name}"] = (
+            sum(row["usable_held"] for row in group) / usable if usable else None
+        )
+        views, without = (sum(row[key] for row in group) for key in ("views", "without_usable"))
+        summary[f"without_usable_{name}"] = without / views
+        top = sum(row["top1"] * row["views"] for row in group)
+        summary[f"top1_where_usable_{name}"] = top / (views - without) if views > without else None
+    if "rgb" in settings.estimators:
+        summary["usable_precision"] = summary["usable_precision_rgb"]
+        for other in {"rigid", "similarity"} & set(settings.estimators):
+            summary[f"success_gain_over_{other}"] = summary["success_rgb"] - summary[f"success_{other}"]
+        if "gt" in settings.estimators and summary["top1_gt"]:
+            summary["top1_rgb_over_gt"] = summary["top1_rgb"] / summary["top1_gt"]
+    return summary

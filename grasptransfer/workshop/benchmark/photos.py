@@ -1,0 +1,296 @@
+"""`bench photos`: real photographs with known poses; compares shapes where a mesh is known, else sizes."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import trimesh
+import yaml
+from PIL import Image
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+
+from grasptransfer.camera import Camera
+from grasptransfer.category import Category, load_category
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.errors import GraspTransferError, ImageError, SettingsError
+from grasptransfer.perception.baselines import (
+    ClsEstimator,
+    CpdEstimator,
+    RigidEstimator,
+    SimilarityEstimator,
+)
+from grasptransfer.perception.estimate import Estimator, ShapeEstimate
+from grasptransfer.perception.observation import Observation, observe
+from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.rgbd import RgbdEstimator
+from grasptransfer.transfer import GraspTransfer
+from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.errors_of_shape import (
+    CANONICAL_POINTS,
+    TRUE_POINTS,
+    CanonicalSurface,
+    TrueSurface,
+    outer_surface,
+)
+from grasptransfer.workshop.benchmark.grasp import Outcome, execute
+from grasptransfer.workshop.benchmark.instance_pool import measure_instances
+from grasptransfer.workshop.benchmark.photo_summary import DEPTH_METHODS, summarise_photos
+
+
+class _Intrinsics(BaseModel):
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+
+class Photo(BaseModel):
+    """One entry of `photos.yaml`; paths are relative to its folder, other keys are kept out of the way."""
+
+    model_config = ConfigDict(extra="ignore")
+    image: str
+    category: str
+    camera: _Intrinsics
+    camera_from_object: list[list[float]]
+    object: str | None = None
+    mesh: str | None = None
+    size_m: tuple[float, float, float] | None = None
+    box: tuple[float, float, float, float] | None = None
+    pose_kind: Literal["ground_truth", "pseudo"] | None = None
+    depth: str | None = None
+    mask: str | None = None
+
+
+@dataclass(frozen=True)
+class PhotoSettings:
+    """What is measured.
+
+    Args:
+        photos: folder with `photos.yaml`.
+        categories: names; entries of others are left out.
+        refine_pose: whether `rgb`, `rgbd` and `cls` refine the given pose.
+        told_box: whether the object's box is told, as a detector would.
+        depth: whether the methods that use depth are measured where a photograph comes with it.
+        grasps: whether transferred grasps are executed in PyBullet where a mesh is known.
+        weights: file for `rgb`; None takes the shipped ones.
+    """
+
+    photos: Path
+    categories: tuple[str, ...]
+    refine_pose: bool = True
+    told_box: bool = True
+    depth: bool = False
+    grasps: bool = False
+    weights: Path | None = None
+
+
+def run_photo_benchmark(
+    settings: PhotoSettings,
+    *,
+    workers: int = 1,
+    ledger: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict:
+    """Errors of every method on every photograph, as the contract's JSON document.
+
+    Args:
+        workers: processes; each takes one object's photographs at a time.
+        ledger: file that an interrupted run resumes from.
+
+    Raises:
+        SettingsError: `photos.yaml` is wrong, or holds no photograph of the categories.
+    """
+    photos = [photo for photo in read_photos(settings.photos) if photo.category in settings.categories]
+    if not photos:
+        raise SettingsError(
+            "holds no photograph of these categories", path=settings.photos, value=settings.categories
+        )
+    found = list(dict.fromkeys((photo.category, _object_of(photo)) for photo in photos))
+    groups = measure_instances(
+        measure_object, settings, found, workers=workers, ledger=ledger, progress=progress
+    )
+    rows = [row for group in groups for row in group["rows"]]
+    return document("photos", settings=asdict(settings), rows=rows, summary=summarise_photos(rows))
+
+
+def read_photos(folder: Path) -> list[Photo]:
+    """The entries of `folder/photos.yaml`.
+
+    Raises:
+        SettingsError: missing, not YAML, or an entry with a wrong key; names entry and key.
+    """
+    path = folder / "photos.yaml"
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return TypeAdapter(list[Photo]).validate_python(data)
+    except OSError as error:
+        raise SettingsError("cannot be read", path=path, fix=error.strerror) from error
+    except yaml.YAMLError as error:
+        raise SettingsError(f"is not valid YAML: {error}", path=path) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise SettingsError(first["msg"], path=path, key=f"entry {key}") from error
+
+
+def measure_object(settings: PhotoSettings, category: str, name: str) -> dict:
+    """All photographs of one object."""
+    loaded = load_category(category)
+    photos = [p for p in read_photos(settings.photos) if (p.category, _object_of(p)) == (category, name)]
+    with Renderer() as renderer:
+        rgb = RgbEstimator(
+            loaded, renderer=renderer, weights=settings.weights, refine_pose=settings.refine_pose
+        )
+        return {"rows": [_measure(photo, loaded, rgb, settings=settings) for photo in photos]}
+
+
+def _object_of(photo: Photo) -> str:
+    return photo.object or photo.mesh or photo.image
+
+
+def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: PhotoSettings) -> dict:
+    told = _observation(photo, settings.photos, with_depth=settings.depth)
+    told_rgb = replace(told, mask=None, depth=None)
+    seen = told_rgb if settings.told_box else replace(told_rgb, box=None)
+    cases: dict[str, tuple[Estimator, Observation]] = {
+        "rgb": (rgb, seen),
+        "rigid": (RigidEstimator(category), told),
+    }
+    if told.box is not None:
+        cases["similarity"] = (SimilarityEstimator(category), told)
+        if told.depth is not None:
+            cases["rgbd"] = (RgbdEstimator(category, rgb), told)
+            cases["cls"] = (ClsEstimator(category, refine_pose=settings.refine_pose), told)
+            cases["cpd"] = (CpdEstimator(category), told)
+    row = {
+        "image": photo.image,
+        "object": _object_of(photo),
+        "category": photo.category,
+        "pose_kind": photo.pose_kind,
+    }
+    truth = _Truth.of(photo, settings.photos, told, rgb.renderer)
+    executes = settings.grasps and truth.mesh is not None
+    flow = GraspTransfer(category, estimator=rgb) if executes else None  # its estimator is not asked
+    for name, (estimator, observation) in cases.items():
+        try:
+            estimate = estimator(observation)
+        except GraspTransferError as error:
+            if name not in DEPTH_METHODS:
+                raise
+            row[f"{name}_failed"] = str(error)
+            continue
+        row[name] = _scores(estimate, category, photo, truth, renderer=rgb.renderer)
+        if flow is not None and truth.mesh is not None:
+            result = flow.grasp(observation, estimate)
+            row[name] |= _executed(execute(result, told.camera_from_object, truth.mesh))
+        if name == "rgb":
+            row["category_score"] = estimate.category_score
+            row["status"] = estimate.status.value
+            row["mask_iou"] = _overlap(estimate.mask, truth.visible)
+    return row
+
+
+def _executed(outcome: Outcome) -> dict:
+    """Whether the best-ranked grasp held, and the success it was said to have."""
+    usable = outcome.usable_held
+    stated = outcome.grasps[0].score if usable else None
+    return {
+        "grasp_held": outcome.best_held,
+        "grasp_stated": stated,
+        "usable": len(usable),
+        "usable_held": sum(usable),
+    }
+
+
+def _observation(photo: Photo, folder: Path, *, with_depth: bool) -> Observation:
+    """The photograph with its told pose; the true mask is for the methods that use depth alone."""
+    camera = Camera(**photo.camera.model_dump())
+    pose = np.array(photo.camera_from_object)
+    told = observe(folder / photo.image, pose, camera=camera, mask=photo.box)
+    if not with_depth or photo.depth is None:
+        return told
+    millimetres = np.asarray(_open(folder / photo.depth), float)
+    measured = observe(told.image, pose, camera=camera, mask=photo.box, depth=millimetres / 1000)
+    mask = None if photo.mask is None else np.asarray(_open(folder / photo.mask).convert("L")) > 127
+    return replace(measured, mask=mask)
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """What is known of the object in a photograph.
+
+    Args:
+        mesh: its own frame [m], or None.
+        surface: of the mesh; None without mesh.
+        silhouette: (h, w) pixels of its mesh at the given pose; None without mesh.
+        visible: (h, w) its visible pixels, where a mask is given; else the silhouette.
+    """
+
+    mesh: trimesh.Trimesh | None
+    surface: TrueSurface | None
+    camera: Camera
+    silhouette: np.ndarray | None
+    visible: np.ndarray | None
+
+    @classmethod
+    def of(cls, photo: Photo, folder: Path, told: Observation, renderer: Renderer) -> "_Truth":
+        mesh, surface, silhouette = None, None, None
+        if photo.mesh is not None:
+            mesh, surface = _known_mesh(folder / photo.mesh)
+            silhouette = renderer.depth(mesh, told.camera, told.camera_from_object) > 0
+        visible = silhouette
+        if photo.mask is not None:
+            visible = np.asarray(_open(folder / photo.mask).convert("L")) > 127
+        return cls(mesh, surface, told.camera, silhouette, visible)
+
+
+def _overlap(mask: np.ndarray | None, true: np.ndarray | None) -> float | None:
+    """Intersection over union."""
+    if mask is None or true is None:
+        return None
+    return float((mask & true).sum() / max((mask | true).sum(), 1))
+
+
+def _scores(
+    estimate: ShapeEstimate, category: Category, photo: Photo, truth: _Truth, *, renderer: Renderer
+) -> dict[str, float | None]:
+    mesh = category.canonical.copy()
+    mesh.vertices = estimate.field(np.asarray(mesh.vertices))
+    scores: dict[str, float | None] = {}
+    if photo.size_m is not None:
+        scores["size_error"] = float(np.abs(np.log(mesh.extents / np.array(photo.size_m))).mean())
+    if truth.surface is not None:
+        error = truth.surface.error(_canonical_surface(category.name).warped(estimate.field))
+        drawn = renderer.depth(mesh, truth.camera, estimate.camera_from_object) > 0
+        scores |= {
+            "E": error.E,
+            "rms_mm": error.rms_mm,
+            "chamfer_mm": error.chamfer_mm,
+            "silhouette_iou": _overlap(drawn, truth.silhouette),
+        }
+    return scores
+
+
+@lru_cache(maxsize=8)
+def _canonical_surface(category: str) -> CanonicalSurface:
+    return CanonicalSurface(outer_surface(load_category(category).canonical, CANONICAL_POINTS))
+
+
+@lru_cache(maxsize=8)
+def _known_mesh(path: Path) -> tuple[trimesh.Trimesh, TrueSurface]:
+    mesh = trimesh.load(path, force="mesh")
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise SettingsError("holds no triangles", path=path)
+    return mesh, TrueSurface(outer_surface(mesh, TRUE_POINTS))
+
+
+def _open(path: Path) -> Image.Image:
+    try:
+        return Image.open(path)
+    except OSError as error:
+        raise ImageError("cannot be read as a picture", path=path, fix=str(error)) from error

@@ -1,0 +1,199 @@
+"""Instances whose shape is known, and pictures of them: what the benchmarks look at."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Float32
+
+from grasptransfer.camera import Camera
+from grasptransfer.category import Category, load_category
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import VIEWPOINTS, sphere_views
+from grasptransfer.errors import MeshError, SettingsError
+from grasptransfer.perception.observation import Observation, observe
+from grasptransfer.registration import DeformationField, cpd
+from grasptransfer.workshop import objects
+from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalSurface, surface_of
+from grasptransfer.workshop.building.parametric.space_choice import fit_weights
+from grasptransfer.workshop.training.backgrounds import draw_backdrop
+from grasptransfer.workshop.training.scenes import PoseNoise, draw_lighting
+
+CAMERA = Camera.from_fov(640, 480, np.deg2rad(60))
+FILL = 0.55  # share of the picture's height that the object covers
+MESH_SUFFIXES = (".glb", ".obj", ".ply", ".off", ".stl")
+RANDOM = "random_"  # before the seed, in the names of shapes that are drawn when asked for
+
+
+@dataclass(frozen=True)
+class Instance:
+    """An instance that no training saw.
+
+    Args:
+        mesh: object frame [m], with its texture.
+        true_field: canonical to instance: exact correspondences of our own shapes, CPD for others.
+        exact: whether the field is exact.
+    """
+
+    category: Category
+    name: str
+    mesh: trimesh.Trimesh | trimesh.Scene
+    true_field: DeformationField
+    exact: bool = False
+
+    @cached_property
+    def solid(self) -> trimesh.Trimesh:
+        """The geometry alone."""
+        return self.mesh.to_mesh() if isinstance(self.mesh, trimesh.Scene) else self.mesh
+
+
+def instances(categories: list[str], meshes: Path | None) -> Iterator[Instance]:
+    """Test instances of the categories, or every mesh below `meshes/<category>/<name>/`."""
+    for category in categories:
+        for name in instance_names(category, meshes):
+            yield load_instance(category, name, meshes)
+
+
+def instance_names(category: str, meshes: Path | None) -> list[str]:
+    """Names of the shipped test instances, or of the folders below `meshes/<category>/`."""
+    if meshes is None:
+        return list(load_category(category).test)
+    return sorted(path.name for path in (meshes / load_category(category).name).glob("*") if path.is_dir())
+
+
+def random_names(objects: int, first_seed: int) -> list[str]:
+    """Names of random shapes, for `load_instance`.
+
+    Raises:
+        SettingsError: fewer than one.
+    """
+    if objects < 1:
+        raise SettingsError("must be at least 1", key="objects", value=objects)
+    return [f"{RANDOM}{first_seed + number}" for number in range(objects)]
+
+
+def load_instance(category: str, name: str, meshes: Path | None = None) -> Instance:
+    """One of `instance_names` or `random_names`, with the field that leads to it."""
+    loaded = _load_category(category)
+    if name.startswith(RANDOM):
+        return _random(loaded, name)
+    if meshes is None:
+        return Instance(loaded, name, loaded.instance_scene(name), loaded.field(name), exact=True)
+    return _from_folder(loaded, meshes / loaded.name / name)
+
+
+@lru_cache(maxsize=8)
+def _load_category(name: str) -> Category:
+    return load_category(name)
+
+
+def _from_folder(category: Category, folder: Path) -> Instance:
+    files = [folder / f"mesh{suffix}" for suffix in MESH_SUFFIXES if (folder / f"mesh{suffix}").is_file()]
+    if not files:
+        raise MeshError("holds no mesh", path=folder, choices=[f"mesh{suffix}" for suffix in MESH_SUFFIXES])
+    mesh = trimesh.load(files[0], force="mesh")
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise MeshError("holds no triangles", path=files[0])
+    from grasptransfer.workshop.benchmark.errors_of_shape import outer_surface
+
+    space, settings = category.shape_space, category.settings
+    # The kernel of exact correspondences is too narrow for CPD: points would slide along the surface.
+    beta, lam = (category.file.measured.get(key) for key in ("cpd_beta", "cpd_lambda"))
+    beta = beta if isinstance(beta, int | float) else settings.beta
+    lam = lam if isinstance(lam, int | float) else settings.lam
+    field = cpd(space.control_points, outer_surface(mesh, 2000), beta=beta, lam=lam).field
+    return Instance(category, folder.name, mesh, field)
+
+
+def _random(category: Category, name: str) -> Instance:
+    shape = objects.sample(category.name, int(name.removeprefix(RANDOM)))
+    space, surface = category.shape_space, _surface(category.name)
+    moved = surface.displacements(shape)[None]
+    weights = fit_weights(surface.points, space, category.settings.lam, moved)[0]
+    field = DeformationField(space.control_points, weights, space.beta, space.centre, space.scale)
+    return Instance(category, name, shape.scene(), field, exact=True)
+
+
+@lru_cache(maxsize=8)
+def _surface(category: str) -> CanonicalSurface:
+    return surface_of(objects.canonical(category))
+
+
+def viewpoints_of(name: str, views: int) -> list[int]:
+    """Which viewpoints an instance is seen from: all the same, but random shapes each the next ones."""
+    return spread_views(views, start=views * int(name.removeprefix(RANDOM)) if name.startswith(RANDOM) else 0)
+
+
+def spread_views(views: int, *, start: int = 0) -> list[int]:
+    """Indices of viewpoints that stand for all 74: every side and height, the poles as rarely as they are.
+
+    Args:
+        views: how many.
+        start: how many come before them in the order in which few stand for all.
+
+    Raises:
+        SettingsError: not 1 to 74 of them.
+    """
+    if not 1 <= views <= VIEWPOINTS:
+        raise SettingsError(f"must lie between 1 and {VIEWPOINTS}", key="views", value=views)
+    # 29 has no divisor in common with 74, and a stride of 29 turns by 5/12 and climbs by 2.4 rings.
+    return sorted((view * 29 + 17) % VIEWPOINTS for view in range(start, start + views))
+
+
+@dataclass(frozen=True)
+class Sight:
+    """An instance as a camera sees it.
+
+    Args:
+        observation: picture, exact depth and mask, and the told pose.
+        pose: the true `camera_from_object`.
+        coverage: (h, w) how opaque the object is, in [0, 1].
+    """
+
+    observation: Observation
+    pose: Float[np.ndarray, "4 4"]
+    coverage: Float32[np.ndarray, "h w"]
+
+
+def observe_instance(
+    instance: Instance,
+    viewpoint: int,
+    *,
+    renderer: Renderer,
+    noise: PoseNoise | None = None,
+    seed: int = 0,
+) -> tuple[Observation, Float[np.ndarray, "4 4"]]:
+    """Picture, depth and mask of an instance, and the true pose; arguments as of `see_instance`."""
+    sight = see_instance(instance, viewpoint, renderer=renderer, noise=noise, seed=seed)
+    return sight.observation, sight.pose
+
+
+def see_instance(
+    instance: Instance,
+    viewpoint: int,
+    *,
+    renderer: Renderer,
+    noise: PoseNoise | None = None,
+    seed: int = 0,
+) -> Sight:
+    """What a camera sees of an instance from one of the paper's 74 viewpoints.
+
+    Args:
+        viewpoint: its index, from 0.
+        noise: error of the told pose.
+        seed: of light, background and pose error, which differ between viewpoints.
+    """
+    radius = float(np.linalg.norm(np.asarray(instance.solid.bounds), axis=1).max())
+    distance = CAMERA.fy * 2 * radius / (FILL * CAMERA.height)
+    pose = sphere_views(distance)[viewpoint]
+    rng = np.random.default_rng([seed, viewpoint])
+    picture = renderer.render(instance.mesh, CAMERA, pose, lighting=draw_lighting(rng))
+    background = draw_backdrop(rng, CAMERA.width, CAMERA.height)
+    told = noise.apply(pose, rng) if noise else pose
+    observation = observe(
+        picture.over(background), told, camera=CAMERA, mask=picture.mask, depth=picture.depth
+    )
+    return Sight(observation, pose, picture.alpha)

@@ -1,0 +1,273 @@
+"""What a build chooses by measuring: the canonical model, then the settings of its shape space."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.errors import SettingsError
+from grasptransfer.registration import Metric
+from grasptransfer.workshop.building.kept_tasks import Arrays, Workshop
+from grasptransfer.workshop.building.outcome import Candidate, Trial
+from grasptransfer.workshop.building.space_fit import InstanceFields
+from grasptransfer.workshop.building.tasks import (
+    COMPARED_POINTS,
+    FITTED_POINTS,
+    compare_candidate,
+    judge,
+    register_instance,
+    thinned,
+)
+
+# Narrower kernels and less smoothness leave less of the instances they register, and more of others.
+BETAS, LAMBDAS = (1.0, 2.0), (3.0, 10.0)
+MODES = (1, 2, 3, 5, 8, 12, 18, 25)
+FLEXIBILITIES = (0.02, 0.04, 0.08)
+TOLERANCE = 1.02  # of what leaves at most 2 % more than the least: least moved, fewest modes, tightest
+LEFT_OUT = 12  # instances at most, evenly picked, to judge settings by
+
+
+@dataclass(frozen=True)
+class Options:
+    """How instances are registered and the shape space is learnt.
+
+    Args:
+        beta: kernel width of CPD; None to choose it. lam: its smoothness, likewise.
+        outlier_weight: of CPD, in [0, 1).
+        modes: learnt by the shape space; None to choose their number.
+        flexibility: of the smooth modes beside them; None to choose it.
+        metric: of the principal components: "GW", "G" or "W".
+        control_points: about how many.
+    """
+
+    beta: float | None
+    lam: float | None
+    outlier_weight: float
+    modes: int | None
+    flexibility: float | None
+    metric: Metric
+    control_points: int
+
+    def __post_init__(self):
+        for key, smallest in (("modes", 1), ("control_points", 50)):
+            value = getattr(self, key)
+            if value is not None and value < smallest:
+                raise SettingsError(f"must be at least {smallest}", key=key, value=value)
+        for key in ("beta", "lam"):
+            value = getattr(self, key)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise SettingsError("must be above 0", key=key, value=value)
+        if self.flexibility is not None and not 0 <= self.flexibility <= 1:
+            raise SettingsError("must be between 0 and 1", key="flexibility", value=self.flexibility)
+
+    @property
+    def first_beta(self) -> float:
+        """What is given, or the first that is tried."""
+        return BETAS[0] if self.beta is None else self.beta
+
+    @property
+    def first_lam(self) -> float:
+        """What is given, or the first that is tried."""
+        return LAMBDAS[0] if self.lam is None else self.lam
+
+    def kernels(self) -> list[tuple[float, float]]:
+        """Every beta with every lambda that is to be tried."""
+        betas = BETAS if self.beta is None else (self.beta,)
+        return [(beta, lam) for beta in betas for lam in (LAMBDAS if self.lam is None else (self.lam,))]
+
+
+@dataclass(frozen=True, eq=False)
+class Canonical:
+    """The instance that is the canonical model, as points.
+
+    Args:
+        name: of the instance.
+        control_points: (n, 3) that carry every field [m].
+        voxel: edge of the filter that left them [m].
+        points: (p, 3) dense ones, to measure by [m].
+    """
+
+    name: str
+    control_points: Float[np.ndarray, "n 3"]
+    voxel: float
+    points: Float[np.ndarray, "p 3"]
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What `Options` leaves open, given or chosen; attributes as there."""
+
+    beta: float
+    lam: float
+    modes: int
+    flexibility: float
+
+
+def choose_canonical(workshop: Workshop, train: dict[str, Arrays], options: Options) -> tuple[Candidate, ...]:
+    """Every train instance registered to every other, best first.
+
+    Args:
+        train: instances by name, as of `tasks.prepare_instance`.
+        options: beta and lambda of the registrations.
+    """
+    small = {name: thinned(arrays["points"], COMPARED_POINTS) for name, arrays in train.items()}
+    given = {
+        name: {
+            "candidate": small[name],
+            "others": tuple(small[other] for other in train if other != name),
+            "beta": options.first_beta,
+            "lam": options.first_lam,
+        }
+        for name in train
+    }
+    compared = workshop.map("choose canonical", compare_candidate, given)
+    candidates = [
+        Candidate(
+            name,
+            float(arrays["chamfer"].mean()),
+            float(arrays["chamfer"].max()),
+            float(arrays["moved"].mean()),
+            bool(train[name]["is_cloud"]),
+        )
+        for name, arrays in compared.items()
+    ]
+    return ranked(candidates)
+
+
+def ranked(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Meshes before clouds; of those that leave about the least, what moves least: the most typical one."""
+    kind = [one for one in candidates if not one.is_cloud] or candidates
+    enough = TOLERANCE * min(one.chamfer for one in kind)
+
+    def place(one: Candidate):
+        near = one.chamfer <= enough
+        return one.is_cloud, not near, one.moved if near else one.chamfer, one.name
+
+    return tuple(sorted(candidates, key=place))
+
+
+def register(
+    workshop: Workshop,
+    instances: dict[str, Arrays],
+    canonical: Canonical,
+    *,
+    kernels: list[tuple[float, float]],
+    outlier_weight: float,
+) -> dict[tuple[str, float, float], Arrays]:
+    """CPD from the canonical model to every instance, with several beta and lambda.
+
+    Args:
+        instances: by name, as of `tasks.prepare_instance`.
+        kernels: every beta with its lambda.
+        outlier_weight: of CPD, in [0, 1).
+
+    Returns:
+        What `tasks.register_instance` found, by name, beta and lambda.
+    """
+    given, keys = {}, {}
+    for beta, lam in kernels:
+        for name, arrays in instances.items():
+            keys[f"{name}-{beta:g}-{lam:g}"] = (name, beta, lam)
+            given[f"{name}-{beta:g}-{lam:g}"] = {
+                "control_points": canonical.control_points,
+                "model": canonical.points,
+                "instance": arrays["points"],
+                "beta": beta,
+                "lam": lam,
+                "outlier_weight": outlier_weight,
+                "is_canonical": name == canonical.name,
+            }
+    found = workshop.map("register", register_instance, given)
+    return {keys[text]: arrays for text, arrays in found.items()}
+
+
+def choose_settings(
+    workshop: Workshop,
+    train: dict[str, Arrays],
+    registered: dict[tuple[str, float, float], Arrays],
+    control: Float[np.ndarray, "n 3"],
+    options: Options,
+) -> tuple[Chosen, tuple[Trial, ...]]:
+    """Leave instances out in turn and fit the shape space of the others to their points, as one sees them.
+
+    Args:
+        train: instances by name, as of `tasks.prepare_instance`.
+        registered: as of `register`, with every kernel of `options`.
+        control: (n, 3) control points of the canonical model [m].
+        options: what is given; the rest is chosen.
+
+    Returns:
+        chosen: the settings.
+        trials: all that was measured; nothing where all settings were given.
+    """
+    beta, lam, count, flexibility = options.beta, options.lam, options.modes, options.flexibility
+    if beta is not None and lam is not None and count is not None and flexibility is not None:
+        return Chosen(beta, lam, count, flexibility), ()
+    most = len(train) - 2  # of a space without one instance
+    tried = {n for n in (*MODES, most) if n <= most} if options.modes is None else {min(options.modes, most)}
+    first = options.flexibility or 0.0
+    judged = _Judged(workshop, train, registered, control, options.metric)
+    trials = judged(options.kernels(), [(modes, first) for modes in sorted(tried)])
+    best = best_trial(trials)
+    if options.flexibility is None:
+        trials += judged(options.kernels(), [(best.modes, more) for more in FLEXIBILITIES])
+        best = best_trial([one for one in trials if one.modes == best.modes])
+    # Where as many modes as can be tried are best, all instances together give one more.
+    modes = options.modes or (best.modes + 1 if best.modes == most else best.modes)
+    return Chosen(best.beta, best.lam, modes, best.flexibility), trials
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Leaves instances out and measures what spaces of the others leave of their points."""
+
+    workshop: Workshop
+    train: dict[str, Arrays]
+    registered: dict[tuple[str, float, float], Arrays]
+    control: Float[np.ndarray, "n 3"]
+    metric: Metric
+
+    def __call__(
+        self, kernels: list[tuple[float, float]], tried: list[tuple[int, float]]
+    ) -> tuple[Trial, ...]:
+        names = list(self.train)
+        left_out = np.unique(np.linspace(0, len(names) - 1, LEFT_OUT).round().astype(int))
+        clouds = tuple(thinned(self.train[names[index]]["points"], FITTED_POINTS) for index in left_out)
+        given = {}
+        for beta, lam in kernels:
+            fields = fields_of(self.train, self.registered, self.control, beta, lam)
+            given[f"beta {beta:g}, lambda {lam:g}"] = {
+                "fields": fields,
+                "metric": self.metric,
+                "tried": tuple(tried),
+                "left_out": tuple(left_out.tolist()),
+                "clouds": clouds,
+            }
+        judged = self.workshop.map("choose settings", judge, given)
+        return tuple(
+            Trial(beta, lam, *sizes, float(errors.mean()))
+            for (beta, lam), arrays in zip(kernels, judged.values(), strict=True)
+            for sizes, errors in zip(tried, arrays["errors"], strict=True)
+        )
+
+
+def best_trial(trials: Sequence[Trial]) -> Trial:
+    """The least error; of that kernel and smoothness, the tightest space that comes near it."""
+    least = min(trials, key=lambda one: one.error)
+    same = [one for one in trials if (one.beta, one.lam) == (least.beta, least.lam)]
+    near = [one for one in same if one.error <= TOLERANCE * least.error]
+    return min(near, key=lambda one: (one.flexibility, one.modes))
+
+
+def fields_of(
+    train: dict[str, Arrays],
+    registered: dict[tuple[str, float, float], Arrays],
+    control: Float[np.ndarray, "n 3"],
+    beta: float,
+    lam: float,
+) -> InstanceFields:
+    """The registered fields of all train instances."""
+    first = registered[next(iter(train)), beta, lam]
+    weights = np.stack([registered[name, beta, lam]["weights"] for name in train])
+    return InstanceFields(weights, control, beta, first["centre"], float(first["scale"]))

@@ -1,0 +1,1 @@
+"""Category folders from the parametric shapes of `workshop.objects`, whose correspondences are exact."""

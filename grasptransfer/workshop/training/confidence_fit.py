@@ -1,0 +1,162 @@
+"""Fit `Confidence` to a trained network: on held-out shapes, and on objects of other kinds."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+from scipy.optimize import minimize
+
+from grasptransfer.category import Category
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import towards
+from grasptransfer.perception.confidence import Confidence, Evidence
+from grasptransfer.perception.observation import Observation
+from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.weights import load_weights, save_weights
+from grasptransfer.workshop import objects
+from grasptransfer.workshop.training.backgrounds import draw_backdrop
+from grasptransfer.workshop.training.random_objects import draw_random_object
+from grasptransfer.workshop.training.scenes import draw_camera, draw_lighting, draw_pose
+from grasptransfer.workshop.training.training_shapes import (
+    draw_training_shape,
+    instances_of,
+    training_canonical,
+)
+
+OCCLUDED = 0.25  # share of the pictures
+HIDDEN = (0.02, 0.35)  # share of the object that an occluder may hide
+INTERVAL = 0.9
+NORMAL_90 = 1.645  # standard deviations on either side that hold 90 % of a normal distribution
+RIDGE = 1e-3
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One picture's outcome: what speaks for the category, and how far off the latent is.
+
+    Args:
+        own: whether the object is of the category.
+        errors: (k,) of the latent over its stated deviations, before `overconfidence`; None for strangers.
+    """
+
+    own: bool
+    evidence: Evidence
+    errors: Float[np.ndarray, "k"] | None = None
+
+
+def fit_confidence(
+    weights: Path,
+    categories: Sequence[Category],
+    *,
+    pictures: int = 40,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Confidence:
+    """Fit the confidence of a weight file to pictures, and write it into the file.
+
+    Args:
+        categories: that it was trained on.
+        pictures: of held-out shapes (`training_shapes.instances_of`), and as many of strangers, of each
+            category.
+        seed: of shapes, pictures and strangers.
+        progress: called with (pictures done, in all).
+    """
+    ensemble, info = load_weights(weights)
+    total = 2 * pictures * len(categories)
+    seen: list[Seen] = []
+    for number, category in enumerate(categories):
+        rng = np.random.default_rng([seed, 5, number])
+        for one in _look_at_objects(category, weights, pictures, rng):
+            seen.append(one)
+            if progress:
+                progress(len(seen), total)
+    confidence = replace(fit_score(seen), overconfidence=fit_overconfidence(seen))
+    save_weights(weights, ensemble, replace(info, confidence=confidence))
+    return confidence
+
+
+def fit_score(seen: list[Seen]) -> Confidence:
+    """Logistic regression on the evidence; own objects and strangers count the same, however many."""
+    own = np.array([one.own for one in seen])
+    rows = np.array([[1.0, *one.evidence] for one in seen])
+    share = np.where(own, 0.5 / own.sum(), 0.5 / (~own).sum())
+    sign = np.where(own, -1.0, 1.0)
+
+    def loss(weights):
+        return share @ np.logaddexp(0, sign * (rows @ weights)) + RIDGE * weights[1:] @ weights[1:]
+
+    return Confidence(*(float(value) for value in minimize(loss, np.zeros(rows.shape[1])).x))
+
+
+def fit_overconfidence(seen: list[Seen]) -> float:
+    """How much the squared deviations must grow for 90 % intervals to hold the truth in 90 %."""
+    errors = np.concatenate([one.errors for one in seen if one.errors is not None])
+    return float(max(np.quantile(np.abs(errors), INTERVAL) / NORMAL_90, 1.0) ** 2)
+
+
+def _look_at_objects(
+    category: Category, weights: Path, pictures: int, rng: np.random.Generator
+) -> Iterator[Seen]:
+    canonical, instances = training_canonical(category), instances_of(category, held_out=True)
+    with Renderer() as renderer:
+        estimator = RgbEstimator(category, renderer=renderer, weights=weights, refine_pose=False)
+        estimator.confidence = replace(estimator.confidence, overconfidence=1.0)
+        reach = _reach(category.canonical.bounds)
+        for _ in range(pictures):
+            shape = draw_training_shape(canonical, instances, rng)
+            estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng, reach))
+            assert estimate.latent is not None
+            assert estimate.latent_covariance is not None
+            known = len(shape.latent)
+            deviations = np.sqrt(np.diag(estimate.latent_covariance))[:known]
+            yield Seen(True, evidence, (estimate.latent[:known] - shape.latent) / deviations)
+        for stranger in _strangers(category.name, pictures, rng):
+            yield Seen(False, estimator.assess(_picture_of(stranger, renderer, rng, reach))[1])
+
+
+def _strangers(name: str, count: int, rng: np.random.Generator) -> Iterator[trimesh.Scene]:
+    """Objects of the other categories, and as many of none."""
+    others = [other for other in objects.generators() if other != name]
+    for index in range(count):
+        if index % 2:
+            yield draw_random_object(rng)
+        else:
+            yield objects.sample(others[index // 2 % len(others)], int(rng.integers(2**31))).scene()
+
+
+def _reach(bounds) -> float:
+    """How far from the origin the farthest corner of a bounding box may lie [m]."""
+    return float(np.linalg.norm(np.abs(bounds).max(0)))
+
+
+def _picture_of(scene, renderer: Renderer, rng: np.random.Generator, reach: float) -> Observation:
+    """A random picture with the true pose and no box; sometimes something stands before the object.
+
+    Args:
+        reach: of the category's model, which has to lie before the camera, too [m].
+    """
+    radius = max(_reach(scene.bounds), reach)
+    camera = draw_camera(rng)
+    pose = draw_pose(camera, radius, rng)
+    picture = renderer.render(scene, camera, pose, lighting=draw_lighting(rng))
+    pixels = picture.over(draw_backdrop(rng, camera.width, camera.height))
+    if rng.random() < OCCLUDED:
+        pixels = _occluded(pixels, picture.mask, camera, pose, radius, renderer, rng)
+    return Observation(pixels, camera, pose)
+
+
+def _occluded(
+    pixels, mask: Bool[np.ndarray, "h w"], camera, pose, radius: float, renderer: Renderer, rng
+) -> np.ndarray:
+    """The picture with a random object before the object's rim, unless it would hide too much or nothing."""
+    thing = draw_random_object(rng)
+    nearer = pose.copy()
+    nearer[:3, 3] *= 0.75
+    nearer[:2, 3] += rng.uniform(-radius, radius, 2)
+    nearer[:3, :3] = towards(nearer[:3, 3])
+    front = renderer.render(thing, camera, nearer, lighting=draw_lighting(rng))
+    hidden = (front.mask & mask).sum() / max(mask.sum(), 1)
+    return front.over(pixels) if HIDDEN[0] < hidden < HIDDEN[1] else pixels
