@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from grasptransfer.grasping import list_grippers as list_grippers
     from grasptransfer.grasping import load_gripper as load_gripper
     from grasptransfer.grasping import load_scene as load_scene
-    from grasptransfer.report.pose_file import load_pose as load_pose
+    from grasptransfer.poses import load_pose as load_pose
     from grasptransfer.result import TransferResult as TransferResult
     from grasptransfer.simulation import simulate as simulate
     from grasptransfer.transfer import GraspTransfer as GraspTransfer
@@ -39,7 +39,7 @@ _HOMES = {
     "list_grippers": "grasping",
     "load_category": "category",
     "load_gripper": "grasping",
-    "load_pose": "report.pose_file",
+    "load_pose": "poses",
     "load_scene": "grasping",
     "register_pair": "transfer",
     "simulate": "simulation",

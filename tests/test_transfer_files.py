@@ -3,53 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
-import yaml
 from PIL import Image
 
 from grasptransfer.drawing.views import look_at
-from grasptransfer.errors import ImageError, MeshError, PoseError
+from grasptransfer.errors import ImageError, MeshError
 from grasptransfer.report import transfer_files
-from grasptransfer.report.pose_file import load_pose
 
 POSE = look_at(0.4, 0.6, 0.6)
-
-
-def test_pose_files_of_ours_and_of_bop_mean_the_same(tmp_path):
-    ours, theirs = tmp_path / "ours.yaml", tmp_path / "bop.json"
-    ours.write_text(yaml.safe_dump({"camera_from_object": POSE.tolist()}))
-    rotation, translation = POSE[:3, :3].ravel().tolist(), (1000 * POSE[:3, 3]).tolist()
-    theirs.write_text(yaml.safe_dump({"cam_R_m2c": rotation, "cam_t_m2c": translation, "obj_id": 3}))
-    np.testing.assert_allclose(load_pose(ours), POSE, atol=1e-12)
-    np.testing.assert_allclose(load_pose(theirs), POSE, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "mapping"),
-        ("- 1", "list"),
-        ("a: [1", "not valid YAML at line"),
-        ("pose: 1", "camera_from_object"),
-        ("camera_from_object: [1, 2]", "4 x 4"),
-        ("camera_from_object: [[a]]", "numbers"),
-        ("cam_R_m2c: [1, 0, 0, 0, 1, 0, 0, 0, 1]", "cam_t_m2c"),
-        ("camera_from_object: [[1,0,0,0],[0,1,0,0],[0,0,1,600],[0,0,0,1]]", "millimetres"),
-        ("camera_from_object: [[1,0,0,0],[0,1,0,0],[0,0,-1,0.6],[0,0,0,1]]", "reflection"),
-        ("camera_from_object: [[1,0,0,0],[0,1,0,0],[0,0,1,0.6],[0,0,0,1]]\ncam_t_m2c: [0,0,0]", "two poses"),
-    ],
-)
-def test_a_wrong_pose_file_is_explained(text, said, tmp_path):
-    path = tmp_path / "pose.yaml"
-    path.write_text(text)
-    with pytest.raises(PoseError) as caught:
-        load_pose(path)
-    assert said in str(caught.value)
-    assert str(path) in str(caught.value)
-
-
-def test_a_missing_pose_file_is_named(tmp_path):
-    with pytest.raises(PoseError, match="nowhere"):
-        load_pose(tmp_path / "nowhere.yaml")
 
 
 def test_wrong_files_of_the_transfer_command_are_explained(tmp_path):

@@ -9,9 +9,10 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import ExifTags, Image, UnidentifiedImageError
 
 from grasptransfer.camera import Camera
-from grasptransfer.errors import ImageError, PoseError
+from grasptransfer.errors import ImageError
 from grasptransfer.frames import check_rigid
 from grasptransfer.perception.zoom import Box
+from grasptransfer.poses import check_in_view
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 16384  # px
 DEFAULT_FOV = np.deg2rad(60.0)
@@ -57,7 +58,7 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
     height, width = pixels.shape[:2]
     camera = _checked_camera(camera, width, height)
     camera_from_object = check_rigid(pose, "pose")
-    _check_in_view(camera_from_object, camera)
+    check_in_view(camera_from_object, camera)
     box = None
     if mask is not None:
         mask, box = _checked_mask(mask, width, height)
@@ -176,26 +177,6 @@ def _checked_camera(camera, width: int, height: int) -> Camera:
             fix="Give the intrinsics of this picture, or resize it to the camera's size",
         )
     return camera
-
-
-def _check_in_view(camera_from_object: Float[np.ndarray, "4 4"], camera: Camera):
-    translation = camera_from_object[:3, 3]
-    if translation[2] <= 0.02:
-        raise PoseError(
-            "the object lies behind the camera or touches it",
-            key="pose",
-            value=f"z = {translation[2]:.3f} m",
-            fix="Axes are OpenCV's: z forward. Is the pose object_from_camera, or OpenGL's?",
-        )
-    u, v = camera.project(translation)
-    # An object whose centre is off the picture by more than half of it cannot be seen well enough.
-    slack_u, slack_v = camera.width / 2, camera.height / 2
-    if not (-slack_u < u < camera.width + slack_u and -slack_v < v < camera.height + slack_v):
-        raise PoseError(
-            f"the object projects outside the picture of {camera.width} x {camera.height}",
-            key="pose",
-            value=f"pixel ({u:.0f}, {v:.0f})",
-        )
 
 
 def _checked_mask(mask, width: int, height: int) -> tuple[np.ndarray | None, Box]:

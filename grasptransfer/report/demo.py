@@ -8,7 +8,7 @@ from grasptransfer.category import load_category
 from grasptransfer.errors import CategoryError
 from grasptransfer.files import read_yaml
 from grasptransfer.perception.estimate import Estimator
-from grasptransfer.report.pose_file import load_pose
+from grasptransfer.poses import load_pose
 from grasptransfer.report.result_files import check_folder
 from grasptransfer.report.transfer_files import Outcome, execute_best, write_outcome
 from grasptransfer.transfer import GraspTransfer

@@ -19,8 +19,8 @@ from grasptransfer.files import MESHES, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
 from grasptransfer.perception.observation import read_image
+from grasptransfer.poses import load_pose
 from grasptransfer.report.page import headline, write_page
-from grasptransfer.report.pose_file import load_pose
 from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, check_folder, save_result
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.transfer import GraspTransfer
