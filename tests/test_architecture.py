@@ -18,6 +18,7 @@ ROOMS = [
     {"pose_formats"},
     {"poses"},
     {"meshes"},
+    {"solids"},
     {"drawing"},
     {"jobs"},
     {"registration"},

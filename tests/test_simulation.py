@@ -20,11 +20,11 @@ from grasptransfer.simulation import (
     simulate,
 )
 from grasptransfer.simulation.body import body_of
-from grasptransfer.simulation.decomposition import decompose
 from grasptransfer.simulation.hand import hand_of
-from grasptransfer.simulation.reduced_hull import reduced_hull
 from grasptransfer.simulation.trial import Job, _Trial
 from grasptransfer.simulation.world import World
+from grasptransfer.solids.decomposition import decompose
+from grasptransfer.solids.reduced_hull import reduced_hull
 
 SMALL_ERRORS = Perturbation(position=0.001, degrees=1.0, friction=0.2)
 

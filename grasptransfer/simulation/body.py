@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.simulation.decomposition import Decomposition, decompose
 from grasptransfer.simulation.protocol import Protocol
+from grasptransfer.solids.decomposition import Decomposition, decompose
 
 if TYPE_CHECKING:
     import trimesh

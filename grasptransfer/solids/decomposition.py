@@ -1,4 +1,4 @@
-"""Convex parts of a mesh, for a physics engine that collides nothing else.
+"""Convex parts of a mesh, for collision checks and for physics engines, which collide nothing else.
 
 Each watertight piece of the mesh is decomposed by itself, so that the thin wall of a mug stays hollow
 and its handle keeps its hole; a piece that is convex already is taken as it is. The rest is CoACD
@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 
 from grasptransfer.errors import MeshError
 from grasptransfer.files import replacing
-from grasptransfer.simulation.reduced_hull import reduced_hull
+from grasptransfer.solids.reduced_hull import reduced_hull
 
 if TYPE_CHECKING:
     import manifold3d
