@@ -70,6 +70,7 @@ class GraspTransfer:
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         refine_pose: fit the pose together with the shape, where the estimator can.
         device: "auto", "cpu" or "cuda".
+        precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
 
     Raises:
@@ -84,13 +85,16 @@ class GraspTransfer:
         estimator: str | Estimator = "rgb",
         refine_pose: bool = True,
         device: str = "auto",
+        precision: str = "auto",
         seed: int = 0,
     ):
         check_seed(seed)
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
         self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))
-        self.estimator = make_estimator(estimator, self.category, refine_pose=refine_pose, device=device)
+        self.estimator = make_estimator(
+            estimator, self.category, refine_pose=refine_pose, device=device, precision=precision
+        )
         self.seed = seed
 
     def transfer(
@@ -202,6 +206,7 @@ def transfer_grasps(
     estimator: str | Estimator = "rgb",
     refine_pose: bool = True,
     device: str = "auto",
+    precision: str = "auto",
     seed: int = 0,
     strict: bool = False,
 ) -> TransferResult:
@@ -223,6 +228,7 @@ def transfer_grasps(
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         refine_pose: fit the pose together with the shape.
         device: "auto", "cpu" or "cuda".
+        precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
         strict: raise `NotSucceeded` where the instance does not fit the category or no grasp is usable.
 
@@ -230,7 +236,13 @@ def transfer_grasps(
         GraspTransferError: wrong input; one sentence with the argument, the value and the choices.
     """
     flow = GraspTransfer(
-        category, gripper=gripper, estimator=estimator, refine_pose=refine_pose, device=device, seed=seed
+        category,
+        gripper=gripper,
+        estimator=estimator,
+        refine_pose=refine_pose,
+        device=device,
+        precision=precision,
+        seed=seed,
     )
     return flow.transfer(image, pose, camera=camera, mask=mask, depth=depth, scene=scene, strict=strict)
 

@@ -42,6 +42,7 @@ def test_every_command_explains_itself(command, capsys):
         (["train", "mug", "--network", "big"], "compact"),
         (["train", "mug", "--loss", "none"], "likelihood"),
         (["train", "mug", "--device", "tpu"], "auto, cpu"),
+        (["train", "mug", "--precision", "float16"], "bfloat16"),
         (["train", "mug", "--steps", "0"], "steps"),
         (["train", "mug", "mug"], "twice"),
         (["train", "mug", "--learning-rate", "nan"], "learning_rate"),
@@ -119,6 +120,7 @@ WRONG = {  # option of `transfer`: wrong value, what the message must hold
     "seed": [("-1", "0 or more")],
     "depth": [("picture.png", "16-bit")],
     "device": [("tpu", "auto, cpu")],
+    "precision": [("float16", "bfloat16")],
     "estimator": [("magic", "similarity"), ("cls", "depth")],
 }  # fmt: skip
 WRONG_VALUES = [(option, value, word) for option, pairs in WRONG.items() for value, word in pairs]

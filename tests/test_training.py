@@ -488,6 +488,7 @@ def test_a_process_joins_the_others_with_a_device_of_its_own(device, backend, ow
         monkeypatch.setenv(name, str(value))
     chosen, joined = [], []
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "get_device_capability", lambda: (8, 0))
     monkeypatch.setattr(torch.cuda, "set_device", chosen.append)
     monkeypatch.setattr(torch.distributed, "init_process_group", lambda *args, **_: joined.append(args))
     place = join_processes(device)
@@ -509,7 +510,7 @@ def test_only_the_first_process_renders_and_the_others_wait_for_it(monkeypatch, 
 
 
 def test_a_batch_that_the_processes_cannot_share_is_refused(monkeypatch, tmp_path):
-    monkeypatch.setattr(training_module, "join_processes", lambda _: Place(0, 3, torch.device("cpu")))
+    monkeypatch.setattr(training_module, "join_processes", lambda *_: Place(0, 3, torch.device("cpu")))
     places = {"run_folder": tmp_path / "run", "output": tmp_path / "a.safetensors"}
     with pytest.raises(SettingsError, match="batch"):
         train(TrainingConfig((MUG,), batch=32), **places, device="cpu")

@@ -32,6 +32,7 @@ def train(
     learning_rate: float = 1e-3,
     seed: int = 0,
     device: str = "auto",
+    precision: str = "auto",
     workers: int = 2,
 ) -> int:
     """Render training pictures and train networks; started again, it goes on where it stopped.
@@ -53,10 +54,12 @@ def train(
         learning_rate: peak; it falls over the last 30 % of the steps.
         seed: of everything random.
         device: auto, cpu or cuda.
+        precision: auto, float32 or bfloat16; auto: as the processor has instructions for.
         workers: rendering processes.
     """
     from grasptransfer.category import list_categories, load_category
-    from grasptransfer.perception.estimators import check_device
+    from grasptransfer.perception.estimators import choose_device
+    from grasptransfer.perception.precision import choose_precision
     from grasptransfer.workshop.training.model_card import default_output
     from grasptransfer.workshop.training.training import TrainingConfig
 
@@ -77,13 +80,14 @@ def train(
     _check_choices(config)
     _check_numbers(config, workers)
     _check_places(run, output)
-    check_device(device)
-    _train_with_progress(config, output, run, device, workers)
+    device = choose_device(device)
+    arithmetic = {"device": device, "precision": choose_precision(precision, device)}
+    _train_with_progress(config, output, run, arithmetic, workers)
     return 0
 
 
 def _train_with_progress(
-    config: "TrainingConfig", output: Path, run: Path, device: str, workers: int
+    config: "TrainingConfig", output: Path, run: Path, arithmetic: dict[str, str], workers: int
 ) -> None:
     from grasptransfer.workshop.training.confidence_fit import fit_confidence
     from grasptransfer.workshop.training.model_card import write_card
@@ -97,7 +101,7 @@ def _train_with_progress(
             config,
             run_folder=run,
             output=output,
-            device=device,
+            **arithmetic,
             workers=workers,
             on_render=lambda done, total: progress.update(rendering, completed=done, total=total),
             on_step=lambda state: progress.update(
@@ -113,7 +117,7 @@ def _train_with_progress(
             seed=config.seed + HELD_OUT_SEED,
             progress=lambda done, total: progress.update(fitting, completed=done, total=total),
         )
-    card = write_card(output, config, (scores, *alone), confidence, run)
+    card = write_card(output, config, (scores, *alone), confidence, run, precision=arithmetic["precision"])
     console.print(f"Weights: {output}\nModel card: {card}\n{scores}", soft_wrap=True)
 
 

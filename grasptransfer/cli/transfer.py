@@ -42,6 +42,7 @@ def transfer(
     estimator: str = "rgb",
     depth: Path | None = None,
     device: str = "auto",
+    precision: str = "auto",
     seed: int = 0,
 ) -> int:
     """Transfer the annotated grasps of a category to the instance in a picture.
@@ -61,6 +62,7 @@ def transfer(
         estimator: rgb, rgbd, cls, cpd, similarity or rigid.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.
+        precision: auto, float32 or bfloat16; auto: as the processor has instructions for.
         seed: of everything random.
     """
     from grasptransfer.report.transfer_files import run_transfer
@@ -79,6 +81,7 @@ def transfer(
         estimator=estimator,
         refine_pose=refine_pose,
         device=device,
+        precision=precision,
         seed=seed,
         out=out,
     )

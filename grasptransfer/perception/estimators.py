@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.perception.precision import check_precision
 
 if TYPE_CHECKING:
     from grasptransfer.category import Category
@@ -40,7 +41,12 @@ def choose_device(device: str) -> str:
 
 
 def make_estimator(
-    estimator: str | Estimator, category: Category, *, refine_pose: bool = True, device: str = "auto"
+    estimator: str | Estimator,
+    category: Category,
+    *,
+    refine_pose: bool = True,
+    device: str = "auto",
+    precision: str = "auto",
 ) -> Estimator:
     """The estimator of this name for a category; a callable is one already.
 
@@ -48,19 +54,21 @@ def make_estimator(
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         refine_pose: fit the pose together with the shape, where the estimator can.
         device: "auto", "cpu" or "cuda", of networks.
+        precision: "auto", "float32" or "bfloat16", of networks.
 
     Raises:
-        SettingsError: an unknown name or device.
+        SettingsError: an unknown name, device or precision.
         WeightsError: no trained network for the category.
     """
     check_device(device)
+    check_precision(precision)
     if callable(estimator):
         return estimator
     if estimator in ("rgb", "rgbd"):
         from grasptransfer.perception.rgb import RgbEstimator
         from grasptransfer.perception.rgbd import RgbdEstimator
 
-        rgb = RgbEstimator(category, refine_pose=refine_pose, device=device)
+        rgb = RgbEstimator(category, refine_pose=refine_pose, device=device, precision=precision)
         return rgb if estimator == "rgb" else RgbdEstimator(category, rgb)
     from grasptransfer.perception import baselines
 

@@ -35,6 +35,7 @@ from grasptransfer.perception.pose_and_shape import (
     PoseAndShape,
     fit_pose_and_shape,
 )
+from grasptransfer.perception.precision import arithmetic, choose_precision
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
@@ -86,6 +87,7 @@ class RgbEstimator:
         weights: a `.safetensors` file; None takes the one shipped for the category.
         refine_pose: fit the pose together with the shape.
         device: "auto", "cpu" or "cuda".
+        precision: see `precision.PRECISIONS`.
     """
 
     def __init__(
@@ -97,6 +99,7 @@ class RgbEstimator:
         refine_pose: bool = True,
         pose_prior: PosePrior | None = None,
         device: str = "auto",
+        precision: str = "auto",
     ):
         self.category, self.refine_pose = category, refine_pose
         self._model = ShapedModel(category)
@@ -107,6 +110,7 @@ class RgbEstimator:
         check_trained_on(info, category, path)
         self._number = list(info.categories).index(category.name)
         self.device = torch.device(choose_device(device))
+        self.precision = choose_precision(precision, self.device.type)
         channels_last(self.network, self.device)
         self.renderer = renderer or Renderer()
 
@@ -194,7 +198,7 @@ class RgbEstimator:
             raise PoseError("the canonical model is not visible at this pose", key="pose")
         picture = zoom_picture(observation.image, crop)
         inputs = network_input(picture[None], told[None], view.coordinates[None])
-        with torch.inference_mode(), torch.autocast(self.device.type, dtype=torch.bfloat16):
+        with torch.inference_mode(), arithmetic(self.device, self.precision):
             inputs = inputs.to(self.device, memory_format=torch.channels_last)
             prediction = self.network(inputs, torch.tensor([self._number], device=self.device))
         cells = torch.from_numpy(view.cell_mask).to(self.device)

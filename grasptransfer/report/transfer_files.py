@@ -71,6 +71,7 @@ def run_transfer(
     estimator: str = "rgb",
     refine_pose: bool = True,
     device: str = "auto",
+    precision: str = "auto",
     seed: int = 0,
 ) -> Outcome:
     """Transfer grasps to the instance in a picture, and write report, grasps and reconstruction.
@@ -97,7 +98,13 @@ def run_transfer(
     }
     true_mesh = None if execute is None else load_mesh(execute)
     flow = GraspTransfer(
-        category, gripper=gripper, estimator=estimator, refine_pose=refine_pose, device=device, seed=seed
+        category,
+        gripper=gripper,
+        estimator=estimator,
+        refine_pose=refine_pose,
+        device=device,
+        precision=precision,
+        seed=seed,
     )
     result = flow.transfer(pixels, told, **seen)
     trials = () if true_mesh is None else execute_best(result, true_mesh, told, seed=seed)

@@ -34,27 +34,39 @@ def default_output(categories: Sequence[Category]) -> Path:
 
 
 def write_card(
-    weights: Path, config: TrainingConfig, scores: Sequence[Scores], confidence: Confidence, run_folder: Path
+    weights: Path,
+    config: TrainingConfig,
+    scores: Sequence[Scores],
+    confidence: Confidence,
+    run_folder: Path,
+    *,
+    precision: str,
 ) -> Path:
     """Write `<weights>.md` and return its path.
 
     Args:
         scores: of the ensemble, then of each member by itself.
+        precision: "float32" or "bfloat16", of training.
     """
     path = weights.with_suffix(".md")
-    write_whole(path, _card(weights, config, scores, confidence, run_folder).encode())
+    write_whole(path, _card(weights, config, scores, confidence, run_folder, precision).encode())
     return path
 
 
 def _card(
-    weights: Path, config: TrainingConfig, scores: Sequence[Scores], confidence: Confidence, run_folder: Path
+    weights: Path,
+    config: TrainingConfig,
+    scores: Sequence[Scores],
+    confidence: Confidence,
+    run_folder: Path,
+    precision: str,
 ) -> str:
     logs = [read_rows(member_folder(run_folder, number)) for number in range(config.members)]
     hours = sum(float(log[-1]["seconds"]) for log in logs) / 3600
     members = tuple(f"member {number}" for number in range(config.members))
     parts = [
         f"# {weights.name}",
-        _what_it_is(config, hours),
+        _what_it_is(config, hours, precision),
         f"## Held-out scores ({config.held_out} pictures{_of_which(config.categories)})",
         _table(
             ("measure", "together", *members),
@@ -99,7 +111,7 @@ def _curve(logs: list[list[dict[str, str]]]) -> list[tuple[str, ...]]:
     return [(step, *(member[step] for member in members)) for step in steps[::every]]
 
 
-def _what_it_is(config: TrainingConfig, hours: float) -> str:
+def _what_it_is(config: TrainingConfig, hours: float, precision: str) -> str:
     parameters = sum(p.numel() for p in build_network(config.network, len(config.categories)).parameters())
     meshes = _of_meshes(config.categories)
     options = (
@@ -120,7 +132,7 @@ materials and pose errors; backgrounds, occluders and camera faults are drawn an
 photograph {"" if meshes else "and no scan "}was used, but for the ImageNet pictures behind the picture \
 features (EfficientNet-Lite0, kept as it is).
 - **Seed**: {config.seed} (member i: {config.seed} + i); held-out shapes: seed {config.seed + HELD_OUT_SEED}.
-- **Training**: {config.steps} steps of {config.batch} each, {hours:.2f} h in all on {_device()}, bfloat16.
+- **Training**: {config.steps} steps of {config.batch} each, {hours:.2f} h in all on {_device()}, {precision}.
 - **Command**: `grasptransfer train {_given(config.categories)} {options}`"""
 
 

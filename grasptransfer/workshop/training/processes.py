@@ -6,16 +6,19 @@ from datetime import timedelta
 
 import torch
 
+from grasptransfer.perception.precision import choose_precision
+
 LONGEST_RENDERING = timedelta(days=2)  # for which the other processes wait for the first one
 
 
 @dataclass(frozen=True)
 class Place:
-    """Which of how many processes this one is, and its device."""
+    """Which of how many processes this one is, its device, and the numbers it computes in."""
 
     rank: int
     world: int
     device: torch.device
+    precision: str = "float32"
 
     @property
     def first(self) -> bool:
@@ -23,11 +26,12 @@ class Place:
         return self.rank == 0
 
 
-def join_processes(device: str) -> Place:
+def join_processes(device: str, precision: str = "auto") -> Place:
     """This process among those that torchrun started; without it, alone.
 
     Args:
         device: "cpu" or "cuda"; of several GPUs each process of a machine takes its own.
+        precision: "auto", "float32" or "bfloat16".
     """
     rank, world = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
     own = torch.device(device)
@@ -37,4 +41,4 @@ def join_processes(device: str) -> Place:
     if world > 1 and not torch.distributed.is_initialized():
         backend = "nccl" if device == "cuda" else "gloo"
         torch.distributed.init_process_group(backend, timeout=LONGEST_RENDERING)
-    return Place(rank, world, own)
+    return Place(rank, world, own, choose_precision(precision, device))

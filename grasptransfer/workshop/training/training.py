@@ -18,6 +18,7 @@ from grasptransfer.files import replacing, writing
 from grasptransfer.perception.estimators import choose_device
 from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.networks.ensemble import Ensemble
+from grasptransfer.perception.precision import arithmetic
 from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
 from grasptransfer.workshop.training.augmentation import Inputs, training_batch
 from grasptransfer.workshop.training.dataset import Dataset, DatasetConfig, build_dataset, state_of
@@ -87,6 +88,7 @@ def train(
     run_folder: Path,
     output: Path,
     device: str = "auto",
+    precision: str = "auto",
     workers: int = 2,
     on_render: Callable[[int, int], None] | None = None,
     on_step: Callable[[Progress], None] | None = None,
@@ -96,6 +98,7 @@ def train(
     Args:
         run_folder: data sets, and for each member a folder with checkpoints and a log.
         output: the `.safetensors` file, replaced once training is complete.
+        precision: "auto", "float32" or "bfloat16".
 
     Warns of categories of which nothing is held out.
 
@@ -103,7 +106,7 @@ def train(
         Scores of the ensemble, and of each member by itself: how far those differ is what another
         training may differ by.
     """
-    place = join_processes(choose_device(device))
+    place = join_processes(choose_device(device), precision)
     if config.batch % place.world:
         raise SettingsError("must be a multiple of the number of processes", key="batch", value=config.batch)
     with writing(run_folder):
@@ -122,8 +125,8 @@ def train(
     if place.first:
         trained = {category.name: trained_on(category) for category in config.categories}
         save_weights(output, ensemble, WeightsInfo(config.network, trained))
-    alone = [evaluate(member, held_out_set, config) for member in members]
-    return evaluate(ensemble, held_out_set, config), alone
+    alone = [evaluate(member, held_out_set, config, precision=place.precision) for member in members]
+    return evaluate(ensemble, held_out_set, config, precision=place.precision), alone
 
 
 def _check_writable(output: Path) -> None:
@@ -139,7 +142,9 @@ def member_folder(run_folder: Path, number: int) -> Path:
     return run_folder / f"member_{number}"
 
 
-def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig) -> Scores:
+def evaluate(
+    network: torch.nn.Module, held_out: Dataset, config: TrainingConfig, *, precision: str = "float32"
+) -> Scores:
     """Mean held-out terms over all samples, with augmentation of a fixed seed."""
     rng = np.random.default_rng(HELD_OUT_SEED)
     network.eval()
@@ -150,7 +155,7 @@ def evaluate(network: torch.nn.Module, held_out: Dataset, config: TrainingConfig
         for part in parts:
             (pictures, numbers), targets = training_batch(held_out, part, rng)
             targets = {name: value.to(device) for name, value in targets.items()}
-            with torch.autocast(device.type, dtype=torch.bfloat16):
+            with arithmetic(device, precision):
                 prediction = network(pictures.to(device), numbers.to(device))
             collected.append(
                 {k: v.item() for k, v in training_loss(prediction, targets, config.loss).items()}
@@ -216,7 +221,7 @@ class _Run:
         device = self.place.device
         pictures = inputs[0].to(device, memory_format=torch.channels_last)
         targets = {name: value.to(device) for name, value in targets.items()}
-        with torch.autocast(device.type, dtype=torch.bfloat16):
+        with arithmetic(device, self.place.precision):
             prediction = self.parallel(pictures, inputs[1].to(device))
         terms = training_loss(prediction, targets, self.config.loss)
         for group in self.optimiser.param_groups:
