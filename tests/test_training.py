@@ -404,9 +404,11 @@ def test_a_card_states_each_member_and_how_far_another_training_may_end_from_the
         folder = training_module.member_folder(tmp_path, number)
         folder.mkdir()
         (folder / "log.csv").write_text("step,seconds,offset_mm,flow_px,iou\n7,3600,9,8,0.7\n")
-    path = write_card(tmp_path / "w.safetensors", config, every[: members + 1], Confidence(), tmp_path)
+    scores = every[: members + 1]
+    path = write_card(tmp_path / "w.safetensors", config, scores, Confidence(), tmp_path, precision="float32")
     card = path.read_text()
     assert f"{members}.00 h in all" in card
+    assert "cores, float32" in card or torch.cuda.is_available()
     assert f"`grasptransfer train mug --network compact --members {members} " in card
     assert "| 5.50 mm | 6.00 mm |" in card
     # Two standard deviations, 2 x 0.283, widened for a mean of two.
@@ -465,7 +467,9 @@ def test_a_card_says_which_scores_are_of_trained_shapes(tmp_path):
     scores = [{"offset_mm": 6.0, "flow_px": 4.0, "shape_mm": 7.0, "iou": 0.9, "match": 0.99}] * 2
     for categories in ((MUG,), (MUG, own)):
         config = TrainingConfig(categories, members=1, steps=7)
-        path = write_card(tmp_path / "w.safetensors", config, scores, Confidence(), tmp_path)
+        path = write_card(
+            tmp_path / "w.safetensors", config, scores, Confidence(), tmp_path, precision="float32"
+        )
         card = path.read_text()
         assert ("of shapes that training never saw" in card) == (categories == (MUG,))
         assert ("those of mycup show shapes of training" in card) == (categories != (MUG,))
