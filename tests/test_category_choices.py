@@ -11,7 +11,7 @@ import pytest
 from vases import cloud
 
 from grasptransfer.registration import DeformationField
-from grasptransfer.report.html_parts import pill
+from grasptransfer.report.embedded import pill
 from grasptransfer.workshop.building import build_category
 from grasptransfer.workshop.building.choices import BETAS, FLEXIBILITIES, LAMBDAS, best_trial, ranked
 from grasptransfer.workshop.building.outcome import Candidate, CategoryBuild, Trial

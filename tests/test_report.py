@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import html
 import io
 import re
 
@@ -18,12 +19,12 @@ from grasptransfer.errors import SettingsError
 from grasptransfer.grasping.formats import read_grasps
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.registration import DeformationField
-from grasptransfer.report import transfer_files
+from grasptransfer.report.embedded import gif_uri
 from grasptransfer.report.execution_table import execution_table
-from grasptransfer.report.html_parts import gif_uri
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.pictures import Pictures, outlined
 from grasptransfer.report.result_files import save_result
+from grasptransfer.report.scene_view import best_of_each_label, scene_glb
 from grasptransfer.report.studio import Studio, View, crop_photo, observed_view
 from grasptransfer.simulation.outcome import Recording, TrialResult, TrialStatus
 
@@ -105,9 +106,12 @@ def test_the_page_holds_every_grasp_and_nothing_from_elsewhere(result, trial, tm
     result = dataclasses.replace(result, grasps=result.grasps[:2] + result.grasps[-1:])
     path = write_page(result, tmp_path / "report.html", trials=[trial], executed_mesh=result.mesh)
     text = path.read_text()
-    assert not re.search(r"""(src|href)=["'](?!data:|#)""", text)
-    assert "http" not in text
-    assert "<script" not in text
+    page, viewer = re.sub(r'srcdoc="[^"]*"', "", text), re.findall(r'srcdoc="([^"]*)"', text)
+    assert not re.search(r"""(src|href)=["'](?!data:|#)""", page)
+    assert "http" not in page
+    assert "<script" not in page
+    (viewer,) = viewer
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=", html.unescape(viewer))  # all is inside it
     for grasp in result.grasps:
         assert f". {grasp.name}</h3>" in text
     assert headline(result) in text
@@ -116,8 +120,8 @@ def test_the_page_holds_every_grasp_and_nothing_from_elsewhere(result, trial, tm
     assert sum(kind == "gif" for kind, _ in kinds) == 1
     for kind, content in kinds:
         assert base64.b64decode(content)[:3] == {"jpeg": b"\xff\xd8\xff", "gif": b"GIF"}[kind]
-    # Photograph, mask, outlines; two sides of two models; three maps; every grasp.
-    assert len(kinds) == 3 + 4 + 3 + len(result.grasps) + 1
+    # Photograph, mask, outlines, grippers; two sides of two models; three maps; every grasp.
+    assert len(kinds) == 4 + 4 + 3 + len(result.grasps) + 1
 
 
 def test_deformation_maps_show_the_fields_displacement(result):
@@ -182,7 +186,7 @@ def test_a_gif_has_its_frames_and_their_time():
 
 
 def test_the_best_of_each_label_comes_first(result):
-    best = transfer_files.best_of_each_label(result.usable)
+    best = best_of_each_label(result.usable)
     assert {grasp.label for grasp in best} == {grasp.label for grasp in result.usable}
     for grasp in best:
         assert grasp.score == max(other.score for other in result.usable if other.label == grasp.label)
@@ -199,3 +203,21 @@ def test_the_table_counts_what_was_held():
     columns = {column.header: list(column.cells) for column in execution_table(outcomes).columns}
     assert columns["held"] == ["1/2", "2/2", "3/4"]
     assert columns["slip mm"] == ["1.0", "4.0", "3.0"]
+
+
+def test_the_scene_holds_the_reconstruction_and_the_grippers_in_the_object_frame(result):
+    scene = trimesh.load(io.BytesIO(scene_glb(result)), file_type="glb", process=False)
+    hand = result.gripper.link_meshes(result.usable[0].opening, visual=True)
+    fingers = {pad.link for pad in result.gripper.pads} & set(hand)
+    others = min(3, len({grasp.label for grasp in result.usable})) - 1
+    assert len(scene.geometry) == 1 + len(hand) + others * len(fingers)
+    assert (scene.bounds[0] <= result.mesh.bounds[0] + 1e-6).all()
+    assert (scene.bounds[1] >= result.mesh.bounds[1] - 1e-6).all()
+
+
+def test_what_a_name_holds_is_shown_as_text(result, tmp_path):
+    best = dataclasses.replace(result.usable[0], name="<b>bold</b>", reason="a < b & c")
+    text = write_page(dataclasses.replace(result, grasps=(best,)), tmp_path / "report.html").read_text()
+    assert "<b>bold" not in text
+    assert "&lt;b&gt;bold&lt;/b&gt;" in text
+    assert "a &lt; b &amp; c" in text

@@ -109,7 +109,7 @@ class GraspPictures:
         self.gripper, self.studio = gripper, studio
         self.object = painted(mesh, OBJECT)
         object_from_camera = np.eye(4) if camera_from_object is None else invert(camera_from_object)
-        self.surroundings = _surroundings(scene, object_from_camera)
+        self.surroundings = surroundings(scene, object_from_camera)
         self.blocking = together([self.object, *self.surroundings])
         self.scouts = [self._scout(azimuth, elevation) for elevation in ELEVATIONS for azimuth in AZIMUTHS]
         to_camera = object_from_camera[:3, 3]
@@ -191,7 +191,7 @@ def painted_gripper(
     return PaintedGripper(fingers, rest)
 
 
-def _surroundings(
+def surroundings(
     scene: "Scene | None", object_from_camera: Float[np.ndarray, "4 4"]
 ) -> list[trimesh.Trimesh]:
     """Obstacles and the near part of the support plane, object frame."""

@@ -13,8 +13,8 @@ from grasptransfer.camera import Camera
 from grasptransfer.drawing.views import look_at
 from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import rigid, transform_points
+from grasptransfer.report.embedded import gif_bytes
 from grasptransfer.report.grasp_pictures import HAND, OBJECT, OBSTACLE, REFUSED, USABLE
-from grasptransfer.report.html_parts import gif_bytes
 from grasptransfer.report.studio import (
     GROUND,
     LIGHTING,

@@ -1,7 +1,6 @@
-"""The report of one transfer: a single HTML file without scripts and without anything from elsewhere."""
+"""The report of one transfer: a single HTML file that asks for nothing from outside."""
 
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,22 +10,14 @@ import trimesh
 import grasptransfer
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.files import write_whole
+from grasptransfer.frames import invert, rotation_angle
+from grasptransfer.report.embedded import jpeg_uri
+from grasptransfer.report.execution_section import execution, outcome_of
 from grasptransfer.report.grasp_pictures import GraspPictures
-from grasptransfer.report.html_parts import (
-    facts,
-    figure,
-    jpeg_uri,
-    key,
-    matrix_text,
-    pill,
-    row,
-    section,
-    style_sheet,
-    table,
-)
-from grasptransfer.report.pictures import FOUND, MASK, TOLD, DeformationMaps, Pictures
+from grasptransfer.report.html import Fact, Figure, render
+from grasptransfer.report.pictures import FOUND, GIVEN, MASK, DeformationMaps, Pictures
+from grasptransfer.report.scene_view import drawn_grippers, scene_page, shown_grasps
 from grasptransfer.report.studio import CANONICAL, RECONSTRUCTION, Studio
-from grasptransfer.report.trial_section import executed_by_name, trial_pill, trial_section
 
 if TYPE_CHECKING:
     from grasptransfer.result import TransferredGrasp, TransferResult
@@ -58,14 +49,16 @@ def write_page(
     *,
     trials: "Sequence[TrialResult] | None" = None,
     executed_mesh: trimesh.Trimesh | None = None,
+    executed_why: str = "",
 ) -> Path:
     """Write a self-contained HTML page: picture, reconstruction, deformation, every grasp and why.
 
     Args:
         result: of a transfer.
         path: the file to write.
-        trials: what PyBullet made of the grasps, told apart by grasp name.
-        executed_mesh: what they were executed on, object frame [m]; None: the reconstruction.
+        trials: results of `simulate`; they belong to the grasps of the same names.
+        executed_mesh: what the grasps were executed on, object frame [m]; None: the reconstruction.
+        executed_why: one sentence on which grasps were executed and why those.
 
     Raises:
         SettingsError: the file cannot be written.
@@ -74,30 +67,24 @@ def write_page(
     trials = tuple(trials or ())
     with Renderer() as renderer:
         studio = Studio(renderer)
-        pictures = Pictures(result, studio)
-        parts = [
-            _seen(pictures),
-            _shape(pictures),
-            _deformation(pictures.deformation()),
-            _grasps(result, GraspPictures.of(result, studio), trials),
-            trial_section(result, trials, studio, executed_mesh=executed_mesh) if trials else "",
-            _timings(result),
-        ]
-    text = _document(result, trials, "".join(parts))
+        pictures, drawn = Pictures(result, studio), GraspPictures.of(result, studio)
+        text = render(
+            "transfer.html",
+            title=headline(result),
+            lead=_lead(result),
+            summary=_summary(result, trials),
+            seen=_seen(pictures),
+            scene=scene_page(result) if result.usable else "",
+            obstacles=result.scene is not None,
+            shape=_shape(pictures),
+            grasps=[_grasp(grasp, drawn, trials) for grasp in result.grasps],
+            stages=_stages(result),
+            version=grasptransfer.__version__,
+            **_deformation(pictures.deformation()),
+            **execution(result, trials, studio, executed_mesh=executed_mesh, why=executed_why),
+        )
     write_whole(path, text.encode("utf-8"))
     return path
-
-
-def _document(result: "TransferResult", trials: Sequence, body: str) -> str:
-    style = style_sheet()
-    title = headline(result)
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{style}</style></head><body><main>"
-        f"<header><h1>{escape(title)}</h1>{_summary(result, trials)}</header>{body}{_footer()}"
-        "</main></body></html>"
-    )
 
 
 def headline(result: "TransferResult") -> str:
@@ -109,166 +96,126 @@ def headline(result: "TransferResult") -> str:
     return f"{usable} of {every} grasps on this {thing} {'is' if usable == 1 else 'are'} usable"
 
 
-def _summary(result: "TransferResult", trials: Sequence) -> str:
-    lead = result.status.advice
-    if result.usable:
-        best = result.usable[0]
-        lead += f" Best grasp: {best.name}, expected success {best.score:.0%}."
-    fits, fit = result.status.value == "ok", result.category_score
-    pairs = [
-        ("category", escape(result.category.name)),
-        ("shape", pill(result.status.value.replace("_", " "), "good" if fits else "bad")),
-        ("fits the category", "not judged" if fit is None else f"{fit:.0%}"),
-        ("gripper", escape(result.gripper.name)),
-        ("pose refined by", _pose_change(result)),
+def _lead(result: "TransferResult") -> str:
+    if not result.usable:
+        return result.status.advice
+    best = result.usable[0]
+    return f"{result.status.advice} Best grasp: {best.name}, expected success {best.score:.0%}."
+
+
+def _summary(result: "TransferResult", trials: Sequence) -> list[Fact]:
+    status, score = result.status.value, result.category_score
+    facts = [
+        Fact("category", result.category.name),
+        Fact("shape", status.replace("_", " "), "good" if status == "ok" else "bad"),
+        Fact("fits the category", "not judged" if score is None else f"{score:.0%}"),
+        Fact("gripper", result.gripper.name),
+        Fact("pose refined by", _pose_change(result)),
     ]
     if "total" in result.timings:
-        pairs.append(("time", _duration(result.timings["total"])))
+        facts.append(Fact("time", _duration(result.timings["total"])))
     if trials:
         held = sum(trial.held for trial in trials)
-        pairs.append(("held in PyBullet", pill(f"{held} of {len(trials)}", "good" if held else "bad")))
-    return f'<p class="lead">{escape(lead)}</p>{facts(pairs)}'
+        facts.append(Fact("executed and held", f"{held} of {len(trials)}", "good" if held else "bad"))
+    return facts
 
 
 def _pose_change(result: "TransferResult") -> str:
-    from grasptransfer.frames import invert, rotation_angle
-
-    change = invert(result.observation.camera_from_object) @ result.camera_from_object
-    degrees = np.degrees(rotation_angle(change[:3, :3]))
-    return f"{np.linalg.norm(change[:3, 3]) * 1e3:.1f} mm, {degrees:.1f}°"
+    given_from_refined = invert(result.observation.camera_from_object) @ result.camera_from_object
+    degrees = np.degrees(rotation_angle(given_from_refined[:3, :3]))
+    return f"{np.linalg.norm(given_from_refined[:3, 3]) * 1e3:.1f} mm, {degrees:.1f}°"
 
 
-def _seen(pictures: Pictures) -> str:
+def _seen(pictures: Pictures) -> list[Figure]:
     figures = [
-        figure(
-            jpeg_uri(pictures.photograph()), "The photograph; the frame is what follows.", alt="photograph"
+        Figure(
+            jpeg_uri(pictures.photograph()),
+            "photograph",
+            "The photograph; the other pictures show what is framed.",
         )
     ]
     mask = pictures.mask()
     if mask is not None:
-        caption = f"{key(MASK)}Pixels taken for the object"
-        figures.append(figure(jpeg_uri(mask), caption, alt="mask over the photograph"))
-    caption = f"{key(FOUND)}Reconstruction at the refined pose, {key(TOLD)}canonical model at the told pose"
-    figures.append(figure(jpeg_uri(pictures.outlines()), caption, alt="outlines over the photograph"))
-    lead = "The closer the blue line follows the object, the better shape and pose explain the picture."
-    return section("What was seen", lead, row(figures, "three" if len(figures) == 3 else "two"))
+        legend = ((MASK, "Pixels taken for the object"),)
+        figures.append(Figure(jpeg_uri(mask), "mask over the photograph", legend=legend))
+    legend = ((FOUND, "Reconstruction at the refined pose"), (GIVEN, "canonical model at the given pose"))
+    figures.append(Figure(jpeg_uri(pictures.outlines()), "outlines over the photograph", legend=legend))
+    if pictures.result.usable:
+        best, *others = [grasp.name for grasp in shown_grasps(pictures.result)]
+        caption = f"The opened gripper at {best}" + (
+            f"; its fingers at {', '.join(others)}" if others else ""
+        )
+        picture = pictures.with_grippers(drawn_grippers(pictures.result))
+        figures.append(Figure(jpeg_uri(picture), "grippers over the photograph", caption))
+    return figures
 
 
-def _shape(pictures: Pictures) -> str:
-    sides = pictures.sides()
-    result = pictures.result
-    names = (f"{key(CANONICAL)}Canonical model", f"{key(RECONSTRUCTION)}Reconstruction")
-    sizes = [
-        " × ".join(f"{1e3 * side:.0f}" for side in mesh.extents) + " mm"
-        for mesh in (result.category.canonical, result.mesh)
-    ]
-    figures = [
-        figure(jpeg_uri(picture), f"{name}, {side}" + (f": {size}" if side == "as seen" else ""), alt=side)
-        for side, pair in (("as seen", sides["observed"]), ("the hidden side", sides["hidden"]))
-        for name, size, picture in zip(names, sizes, pair, strict=True)
-    ]
-    lead = (
-        "The annotated model of the category, and the same model deformed to this instance. The hidden side "
-        "is inferred from the category. Each row has one scale; sizes are along x (front), y, z (up)."
+def _shape(pictures: Pictures) -> list[Figure]:
+    result, sides = pictures.result, pictures.sides()
+    models = (
+        ("Canonical model", CANONICAL, result.category.canonical),
+        ("Reconstruction", RECONSTRUCTION, result.mesh),
     )
-    return section("Shape", lead, row(figures, "two"))
+    figures = []
+    for side, pair in (("as seen", sides["observed"]), ("the hidden side", sides["hidden"])):
+        for (name, colour, mesh), picture in zip(models, pair, strict=True):
+            size = " × ".join(f"{1e3 * extent:.0f}" for extent in mesh.extents)
+            caption = f", {side}: {size} mm" if side == "as seen" else f", {side}"
+            figures.append(Figure(jpeg_uri(picture), f"{name}, {side}", caption, ((colour, name),)))
+    return figures
 
 
-def _deformation(maps: DeformationMaps) -> str:
+def _deformation(maps: DeformationMaps) -> dict:
     meanings = ("x, to the front", "y, to the left", "z, up")
     figures = [
-        figure(
+        Figure(
             jpeg_uri(picture),
+            f"displacement along {meaning}",
             f"Along {meaning}: at most {largest:.1f} mm",
-            alt=f"displacement along {meaning}",
         )
         for picture, meaning, largest in zip(maps.pictures, meanings, maps.largest_mm, strict=True)
     ]
-    gradient = ", ".join(f"rgb{colour}" for colour in maps.colours)
-    scale = (
-        f'<div class="scale"><span>−{maps.limit_mm:g} mm</span>'
-        f'<span class="bar" style="background: linear-gradient(to right, {gradient})"></span>'
-        f"<span>+{maps.limit_mm:g} mm</span></div>"
-    )
-    lead = "How far each visible point of the canonical model moves to the instance, along the object's axes."
-    return section("Deformation", lead, row(figures, "three") + scale)
+    return {"deformation": figures, "limit_mm": maps.limit_mm, "colours": maps.colours}
 
 
-def _grasps(result: "TransferResult", drawn: GraspPictures, trials: Sequence) -> str:
-    executed = executed_by_name(trials)
-    heads = [
-        ("#", True),
-        ("grasp", False),
-        ("label", False),
-        ("checks", False),
-        ("score", True),
-        ("width mm", True),
-        ("opening mm", True),
-    ]
-    if executed:
-        heads.append(("PyBullet", False))
-    heads.append(("why", False))
-    rows, cards = [], []
-    for number, grasp in enumerate(result.grasps, 1):
-        trial = trial_pill(executed.get(grasp.name, ())) if executed else ""
-        cells = [
-            str(number),
-            f'<a href="#grasp-{number}">{escape(grasp.name)}</a>',
-            escape(grasp.label),
-            _status_pill(grasp),
-            f"{grasp.score:.2f}",
-            f"{1e3 * grasp.width:.1f}",
-            f"{1e3 * grasp.opening:.1f}",
-        ]
-        rows.append([*cells, *([trial] if executed else []), escape(grasp.reason)])
-        cards.append(_card(number, grasp, jpeg_uri(drawn.draw(grasp)), trial))
-    lead = (
-        "Best first. The score is the expected success over shapes and poses that the picture leaves open. "
-        "Pictures show the gripper opened as it arrives, with green fingers where every check passed."
-    )
-    return section("Grasps", lead, table(heads, rows) + f'<div class="cards">{"".join(cards)}</div>')
+def _grasp(grasp: "TransferredGrasp", drawn: GraspPictures, trials: Sequence) -> dict:
+    return {
+        "name": grasp.name,
+        "label": grasp.label,
+        "status": grasp.status.value,
+        "kind": "good" if grasp.usable else "bad",
+        "score": f"{grasp.score:.2f}",
+        "width": f"{1e3 * grasp.width:.1f}",
+        "opening": f"{1e3 * grasp.opening:.1f}",
+        "approach": f"{1e3 * grasp.approach_distance:.0f}",
+        "reason": grasp.reason,
+        "executed": outcome_of(grasp.name, trials),
+        "uri": jpeg_uri(drawn.draw(grasp)),
+        "poses": "\n\n".join(
+            f"{name}\n{_matrix(getattr(grasp, name))}"
+            for name in ("object_from_gripper", "camera_from_gripper")
+        ),
+    }
 
 
-def _status_pill(grasp: "TransferredGrasp") -> str:
-    return pill(grasp.status.value, "good" if grasp.usable else "bad")
+def _matrix(matrix: np.ndarray) -> str:
+    return "\n".join(" ".join(f"{value:9.5f}" for value in line) for line in matrix)
 
 
-def _card(number: int, grasp: "TransferredGrasp", uri: str, trial: str) -> str:
-    poses = (
-        "object_from_gripper\n" + matrix_text(grasp.object_from_gripper)
-        + "\n\ncamera_from_gripper\n" + matrix_text(grasp.camera_from_gripper)
-    )  # fmt: skip
-    return (
-        f'<article class="card" id="grasp-{number}"><img src="{uri}" alt="gripper at {escape(grasp.name)}">'
-        f'<div class="text"><h3>{number}. {escape(grasp.name)}</h3>{_status_pill(grasp)} {trial}'
-        f"<p>{escape(grasp.reason[:1].upper() + grasp.reason[1:])}.</p>"
-        f"<p>Score {grasp.score:.2f}, width {1e3 * grasp.width:.1f} mm, arrives {1e3 * grasp.opening:.1f} mm "
-        f"open over the last {1e3 * grasp.approach_distance:.0f} mm.</p>"
-        f"<details><summary>Poses of the TCP [m]</summary><pre>{poses}</pre></details></div></article>"
-    )
-
-
-def _timings(result: "TransferResult") -> str:
+def _stages(result: "TransferResult") -> list[dict]:
     longest = max(result.timings.values(), default=0) or 1
     stages = [stage for stage in STAGES if stage in result.timings]
     stages += [stage for stage in result.timings if stage not in STAGES]
-    rows = "".join(
-        f"<tr{' class=total' if stage in SUMS else ''}><td>{escape(STAGES.get(stage, stage))}</td>"
-        f'<td class="track"><i style="width: {100 * result.timings[stage] / longest:.1f}%"></i></td>'
-        f'<td class="number">{_duration(result.timings[stage])}</td></tr>'
+    return [
+        {
+            "name": STAGES.get(stage, stage),
+            "sum": stage in SUMS,
+            "share": 100 * result.timings[stage] / longest,
+            "duration": _duration(result.timings[stage]),
+        }
         for stage in stages
-    )
-    return section("Time", "Of this transfer, without loading models.", f'<table class="bars">{rows}</table>')
+    ]
 
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.0f} ms"
-
-
-def _footer() -> str:
-    return (
-        f"<footer><p>grasptransfer {grasptransfer.__version__}. Metres unless said otherwise. "
-        "<code>camera</code>: OpenCV axes (x right, y down, z forward). <code>object</code>: z up, +x its "
-        "front, origin at the centre of the bounding box. <code>gripper</code>: the TCP between the pads, "
-        "+z approach, +x closing. <code>a_from_b</code> maps points of frame b to frame a.</p></footer>"
-    )

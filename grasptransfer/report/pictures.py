@@ -13,6 +13,7 @@ from scipy import ndimage
 from grasptransfer.drawing.rendering import position_image
 from grasptransfer.report.studio import (
     CANONICAL,
+    LIGHTING,
     RECONSTRUCTION,
     Colour,
     Studio,
@@ -21,6 +22,7 @@ from grasptransfer.report.studio import (
     hidden_view,
     observed_view,
     painted,
+    together,
 )
 
 if TYPE_CHECKING:
@@ -29,8 +31,9 @@ if TYPE_CHECKING:
 PANEL = (520, 390)  # px
 PHOTO_WIDTH = 900  # px; a larger photograph is shown smaller
 MASK: Colour = (226, 59, 128)
-TOLD: Colour = (245, 178, 66)
+GIVEN: Colour = (245, 178, 66)
 FOUND: Colour = (38, 196, 222)
+HIDDEN_SHARE = 0.25  # how strongly the part of a gripper behind the object is drawn
 LINE = 2.0  # px: half width of an outline's stroke
 MAP = "coolwarm"  # diverging and readable with any colour vision
 STEPS_MM = (1, 2, 5, 10, 15, 20, 30, 40, 50, 75, 100)  # ends of the colour scale
@@ -117,11 +120,24 @@ class Pictures:
         return outlined(picture.astype(np.uint8), inside, MASK)
 
     def outlines(self) -> Picture:
-        """Over the photograph: canonical model at the told pose, reconstruction at the refined one."""
-        told = View(self.observed.camera, self.observation.camera_from_object)
-        before = self.studio.mask(self.canonical, told)
+        """Over the photograph: canonical model at the given pose, reconstruction at the refined one."""
+        given = View(self.observed.camera, self.observation.camera_from_object)
+        before = self.studio.mask(self.canonical, given)
         after = self.studio.mask(self.reconstruction, self.observed)
-        return outlined(outlined(self.crop(), before, TOLD), after, FOUND)
+        return outlined(outlined(self.crop(), before, GIVEN), after, FOUND)
+
+    def with_grippers(self, grippers: list[trimesh.Trimesh]) -> Picture:
+        """Over the photograph: parts of grippers, object frame [m], pale where the object hides them."""
+        width, height = PANEL
+        camera, pose = self.observation.camera, self.result.camera_from_object
+        view = observed_view(camera, pose, [self.reconstruction], width=width, height=height, margin=2.4)
+        drawn = self.studio.renderer.render(together(grippers), view.camera, pose, lighting=LIGHTING)
+        surface = self.studio.renderer.depth(self.reconstruction, view.camera, pose)
+        hidden = (surface > 0) & (surface < drawn.depth)
+        share = np.where(hidden, HIDDEN_SHARE, 1.0)[..., None]
+        photo = crop_photo(self.observation.image, camera, view.camera)
+        mixed = share * drawn.over(photo) + (1 - share) * photo
+        return np.clip(np.round(mixed), 0, 255).astype(np.uint8)
 
     def sides(self) -> dict[str, tuple[Picture, Picture]]:
         """Canonical model and reconstruction, from the observed and from the hidden side."""

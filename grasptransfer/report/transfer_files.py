@@ -15,22 +15,24 @@ from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.errors import ImageError, MeshError, SettingsError
-from grasptransfer.files import MESHES, writing
+from grasptransfer.files import MESHES, write_whole, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
 from grasptransfer.perception.observation import read_image
 from grasptransfer.poses import load_pose
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, check_folder, save_result
-from grasptransfer.result import TransferredGrasp, TransferResult
+from grasptransfer.report.scene_view import best_of_each_label, scene_glb
+from grasptransfer.result import TransferResult
 from grasptransfer.transfer import GraspTransfer
 
 if TYPE_CHECKING:
     from grasptransfer.simulation import TrialResult
 
-REPORT = "report.html"
+REPORT, SCENE = "report.html", "scene.glb"
 PROTOCOL = "lift-shake-v1"
 EXECUTED = 5  # usable grasps, the best of each label
+EXECUTED_WHY = "The best usable grasp of each label was executed: one at each place that was annotated."
 FRAMES_PER_SECOND = 10.0
 LARGEST_EXTENT = 3.0  # m; a mesh beyond it was given in millimetres
 FLAT = 1e-4  # m; what is thinner encloses nothing
@@ -143,25 +145,18 @@ def execute_best(
     )
 
 
-def best_of_each_label(grasps: Sequence[TransferredGrasp]) -> list[TransferredGrasp]:
-    """The first grasp of each label, in order: one at the rim, one at the handle, ..."""
-    best: dict[str, TransferredGrasp] = {}
-    for grasp in grasps:
-        best.setdefault(grasp.label, grasp)
-    return list(best.values())
-
-
 def write_outcome(
     result: TransferResult,
     trials: "Sequence[TrialResult]",
     true_mesh: trimesh.Trimesh | None,
     out: Path,
 ) -> Outcome:
-    """Write report.html, grasps.yaml, reconstruction.glb, field.npz and result.yaml, all or none."""
+    """Write the report, the 3D scene and what `TransferResult.save` writes; all files or none."""
     out = Path(out)
     with replacing_files(out) as folder:
         save_result(result, folder)
-        write_page(result, folder / REPORT, trials=trials, executed_mesh=true_mesh)
+        write_whole(folder / SCENE, scene_glb(result))
+        write_page(result, folder / REPORT, trials=trials, executed_mesh=true_mesh, executed_why=EXECUTED_WHY)
     return Outcome(sentence(result, trials, out), bool(result.usable), result, tuple(trials), out)
 
 
