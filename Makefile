@@ -1,29 +1,81 @@
 # `make demo` and `make test` do everything on a fresh machine: environment, pinned packages, run.
-PYTHON := $(firstword $(foreach p,python3.11 python3.10 python3,$(if $(shell command -v $(p)),$(p))))
+# The best Python that is here; another one by `make test PYTHON=python3.12`.
+PYTHON = $(shell .ci/pythons "$$(.ci/pythons | head -n 1)")
+OTHERS = $(shell .ci/pythons | tail -n +2)
 BIN := .venv/bin
 WORKERS ?= 2
+export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint bench-cpd clean system
+# What a Python without PyTorch can run; tests in these files that need a network are marked `network`.
+WITHOUT_NETWORK := cpd cpd_input expectation field kernels latent_fit shape_space storage \
+  collision formats frames grasps gripper refine warping simulation simulation_runs camera files
+LIGHT_TESTS := $(WITHOUT_NETWORK:%=tests/test_%.py)
+
+.PHONY: demo test lint test-pythons test-pythons-light test-package audit lock clean system
+.SECONDARY:
+
 demo: .venv/ready system
 	$(BIN)/grasptransfer demo --out demo_out
 
 test: .venv/ready system
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 lint: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright --pythonpath .venv/bin/python
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+# The whole suite on every Python found here. PyTorch is a download of some gigabytes for each of the others.
+test-pythons: test $(OTHERS:%=whole-suite-%)
+whole-suite-%: .venv-%/whole system
+	.venv-$*/bin/python -m pytest -n $(WORKERS) --dist loadfile
+
+# Registration, grasping, formats and simulation on the other Pythons found here, without PyTorch.
+test-pythons-light: $(OTHERS:%=light-suite-%)
+	@echo "Other Pythons found here: $(or $(OTHERS),none)"
+light-suite-%: .venv-%/light
+	.venv-$*/bin/python -m pytest $(LIGHT_TESTS) -m "not network and not full"
+
+# The source package, the wheel made of it, and the demo from the wheel alone, outside this checkout.
+test-package: .venv/ready system
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	set -e; folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
+	  $(BIN)/python -m venv "$$folder/venv"; \
+	  "$$folder/venv/bin/pip" install --quiet --constraint constraints.txt dist/*.whl; \
+	  cd "$$folder"; venv/bin/grasptransfer demo --out demo_out
+
+audit: .venv/ready
+	$(BIN)/python .ci/audit.py
+
+# One version of each package for each Python. What PyTorch brings for graphics cards follows PyTorch's own pins.
+lock: .venv/ready
+	$(BIN)/python -m venv .venv-lock
+	.venv-lock/bin/pip install --quiet uv
+	.venv-lock/bin/uv pip compile --quiet --universal --python-version 3.10 --all-extras --no-header \
+	  --no-annotate pyproject.toml --output-file .venv-lock/pins.txt
+	{ head -n 1 constraints.txt; grep -vE '^(nvidia-|cuda-|triton)' .venv-lock/pins.txt; } > .venv-lock/constraints.txt
+	mv .venv-lock/constraints.txt constraints.txt
 
 # An environment is ready only once every package is in: an interrupted set-up starts again.
 .venv/ready: pyproject.toml constraints.txt
-	@$(PYTHON) -c "import sys; v = sys.version_info[:2]; sys.exit(None if v in ((3, 10), (3, 11)) else \
-	  f'Python {v[0]}.{v[1]}: pybullet has wheels for 3.10 and 3.11; install python3.11 (apt-get install python3.11 python3.11-venv)')"
-	$(PYTHON) -m venv .venv || { echo "venv is missing: apt-get install python3-venv"; exit 1; }
+	@test -n "$(PYTHON)" || { echo "Python 3.10 to 3.13 with venv is missing: \
+	sudo apt-get install python3 python3-venv"; exit 1; }
+	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev]"
 	touch .venv/ready
+
+.venv-%/light: pyproject.toml constraints.txt
+	"$$(.ci/pythons $*)" -m venv .venv-$*
+	grep -v '^torch==' constraints.txt > .venv-$*/pins.txt
+	.venv-$*/bin/pip install --quiet --no-deps --requirement .venv-$*/pins.txt --editable .
+	touch $@
+
+.venv-%/whole: .venv-%/light
+	.venv-$*/bin/pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	touch $@
 
 system: .venv/ready
 	@$(BIN)/python -c "import ctypes.util, sys; \
@@ -31,4 +83,4 @@ system: .venv/ready
 	  'EGL is missing (offscreen rendering): sudo apt-get install libegl1 libgl1 libgl1-mesa-dri')"
 
 clean:
-	rm -rf .venv demo_out
+	rm -rf .venv .venv-* dist demo_out

@@ -208,3 +208,11 @@ def test_the_installed_command_runs():
         [sys.executable, "-m", "grasptransfer", "--help"], capture_output=True, text=True, check=True
     )
     assert "transfer" in done.stdout
+
+
+def test_a_package_of_an_extra_that_is_not_installed_is_named_with_its_extra(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "psutil", None)  # as if it were not installed
+    monkeypatch.delitem(sys.modules, "grasptransfer.workshop.benchmark.cpd", raising=False)
+    code, _, error = _run(["bench", "cpd", "--sizes", "100"], capsys)
+    assert code == 2
+    assert "needs the package psutil. pip install 'grasptransfer[workshop]'" in " ".join(error.split())

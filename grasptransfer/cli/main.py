@@ -5,8 +5,10 @@ Exit codes: 0 done; 1 ran, and found no usable grasp or missed a bar; 2 wrong in
 
 import functools
 import logging
+import re
 import sys
 from collections.abc import Callable
+from importlib.metadata import requires
 from typing import Any
 
 import tyro
@@ -36,11 +38,30 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         code = tyro.extras.subcommand_cli_from_dict(commands, prog=program, args=arguments)
     except GraspTransferError as error:
-        Console(stderr=True).print("[bold red]error:[/]", escape(str(error)), highlight=False, soft_wrap=True)
+        _print_error(str(error))
+        sys.exit(2)
+    except ModuleNotFoundError as error:
+        extra = _extra_with(error.name or "")
+        if extra is None:
+            raise
+        _print_error(f"needs the package {error.name}. pip install 'grasptransfer[{extra}]'")
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)  # as a shell reports it; finished parts of long commands are on disk
     sys.exit(code)
+
+
+def _print_error(text: str) -> None:
+    Console(stderr=True).print("[bold red]error:[/]", escape(text), highlight=False, soft_wrap=True)
+
+
+def _extra_with(package: str) -> str | None:
+    """The extra of this distribution that installs the package; None if it is none of theirs."""
+    for requirement in requires("grasptransfer") or []:
+        found = re.match(r"([\w.-]+).*\bextra == ['\"](\w+)['\"]", requirement)
+        if found and found[1] == package and found[2] not in ("dev", "test"):
+            return found[2]
+    return None
 
 
 def _checked(command: Callable[..., int]) -> Callable[..., int]:
