@@ -210,9 +210,9 @@ def test_the_installed_command_runs():
     assert "transfer" in done.stdout
 
 
-def test_a_package_of_an_extra_that_is_not_installed_is_named_with_its_extra(capsys, monkeypatch):
+def test_a_package_of_an_extra_that_is_not_installed_is_named_with_its_extra(capsys, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "psutil", None)  # as if it were not installed
     monkeypatch.delitem(sys.modules, "grasptransfer.workshop.benchmark.cpd", raising=False)
-    code, _, error = _run(["bench", "cpd", "--sizes", "100"], capsys)
+    code, _, error = _run(["bench", "cpd", "--sizes", "100", "--json", str(tmp_path / "cpd.json")], capsys)
     assert code == 2
     assert "needs the package psutil. pip install 'grasptransfer[workshop]'" in " ".join(error.split())
