@@ -115,7 +115,6 @@ def test_a_gripper_of_ones_own_is_read_from_its_yaml(tmp_path):
         ("opening: [0, 0.08]", "opening: [0, 80]", "opening", "metres"),
         ("opening: [0, 0.08]", "opening: [0, 0.2]", "opening", "0.0800"),
         ("panda_finger_joint2: {", "joint2: {", "joints.joint2", "panda_finger_joint2"),
-        ("  panda_finger_joint2: {ratio: 1}\n", "", "joints.panda_finger_joint2", "must be listed"),
         ("{link: panda_rightfinger", "{link: thumb", "pads.0.link", "panda_rightfinger"),
         ("w: 0.70710678", "w: 0.9", "base_from_tcp.orientation", "norm 1"),
         ("[0, 0, 0.1034]", "[0, 0, 0.2]", "base_from_tcp", "97 mm away from the TCP"),

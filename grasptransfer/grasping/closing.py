@@ -1,15 +1,18 @@
-"""Where the pads touch when a gripper closes: ray casts between them, many grasps at once."""
+"""Where the pads touch when a gripper closes: ray casts between them, many grasps at once.
+
+Each ray leaves a point of an opened pad along the TCP's x and meets what that point would touch. Pads stand
+as they will when they touch: a linkage moves them along z as it closes, and a jaw turns.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.gripper import SIDE, Gripper
 from grasptransfer.grasping.surface import Surface
 
 RAYS = 5  # per pad side: 25 rays, 4.5 mm apart on a Panda's pad
-SIDE = np.array([-1.0, 1.0])  # of the two pads along the TCP's x
 TOUCH = 0.001  # m behind the first hit that a soft pad also touches
 
 
@@ -25,7 +28,10 @@ class Closing:
         buried: whether a pad starts inside the object: a ray from it meets a face from behind.
         coverage: touched share of each pad, 0 to 1.
         cosines: of the angle between each normal and its pad's; 1 is flat, 0 grazing.
-        width: distance between the pads when both touch [m]; NaN where one does not.
+        width: distance along x between what the pads touch, when both do [m]; NaN where one does not.
+        opening: distance between the pads' centres then [m]; other than `width` where a pad is tilted.
+        off_centre: how far the middle of the object lies from the middle between the opened pads, along x
+            [m]; NaN where a pad touches nothing.
     """
 
     points: Float[np.ndarray, "g 2 3"]
@@ -36,10 +42,12 @@ class Closing:
     coverage: Float[np.ndarray, "g 2"]
     cosines: Float[np.ndarray, "g 2"]
     width: Float[np.ndarray, "g"]
+    opening: Float[np.ndarray, "g"]
+    off_centre: Float[np.ndarray, "g"]
 
 
 def _pad_grid(gripper: Gripper) -> Float[np.ndarray, "2 r 2"]:
-    """Ray origins on each pad, y and z from its centre [m]."""
+    """Ray origins on each pad, along its y and z from its centre [m]."""
     # Rays stand in the middles of equal cells: each speaks for its share of the pad.
     steps = (np.arange(RAYS) + 0.5) / RAYS - 0.5
     cells = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -47,15 +55,23 @@ def _pad_grid(gripper: Gripper) -> Float[np.ndarray, "2 r 2"]:
 
 
 def _ray_starts(
-    gripper: Gripper, opening: Float[np.ndarray, "g"], heights: Float[np.ndarray, "g 2"]
-) -> Float[np.ndarray, "g 2 r 3"]:
-    """Where the rays leave the opened pads, TCP frame [m]."""
-    grid = _pad_grid(gripper)
+    gripper: Gripper, opening: Float[np.ndarray, "g"], expected: Float[np.ndarray, "g"]
+) -> tuple[Float[np.ndarray, "g 2 r 3"], Float[np.ndarray, "g 2 3"]]:
+    """Where the rays leave the opened pads, and the pads' normals, TCP frame [m].
+
+    Args:
+        opening: distance between the pads at the start [m].
+        expected: distance between them when they touch, which decides how they stand [m].
+    """
+    grid, faces = _pad_grid(gripper), gripper.pad_faces(expected)
     starts = np.empty((len(opening), *grid.shape[:2], 3))
-    starts[..., 0] = (opening[:, None] / 2 * SIDE)[:, :, None]
-    starts[..., 1:] = grid
-    starts[..., 2] += heights[..., None]
-    return starts
+    # A tilted face is shorter, seen along TCP x.
+    starts[..., 1:] = grid * np.sqrt(1 - faces.normals[..., 1:] ** 2)[:, :, None]
+    recede = np.einsum("gprk,gpk->gpr", starts[..., 1:], faces.slopes)
+    centres = gripper.pad_middle(opening)[:, None] + opening[:, None] / 2 * SIDE
+    starts[..., 0] = centres[:, :, None] + recede
+    starts[..., 1:] += faces.across[:, :, None]
+    return starts, faces.normals
 
 
 def _first_hits(
@@ -86,10 +102,26 @@ def close_pads(
     Args:
         object_from_gripper: TCP poses in the mesh's frame [m].
         opening: distance between the pads at the start [m].
-        expected: about how wide the object is [m]: a linkage moves its pads along z as it closes.
+        expected: about how wide the object is [m]: pads stand as they do at this opening.
     """
-    heights = gripper.pad_heights(opening if expected is None else expected)
-    starts = _ray_starts(gripper, opening, heights)
+    expected = opening if expected is None else expected
+    closing = _close_as(surface, object_from_gripper, opening, gripper, expected)
+    if not gripper.pads_turn:
+        return closing
+    # Pads that turn stand otherwise at the opening that this finds.
+    found = np.where(np.isfinite(closing.opening), closing.opening, expected)
+    return _close_as(surface, object_from_gripper, opening, gripper, found)
+
+
+def _close_as(
+    surface: Surface,
+    object_from_gripper: Float[np.ndarray, "g 4 4"],
+    opening: Float[np.ndarray, "g"],
+    gripper: Gripper,
+    expected: Float[np.ndarray, "g"],
+) -> Closing:
+    """Close pads that stand all the way as they do at the expected opening."""
+    starts, pad_normals = _ray_starts(gripper, opening, expected)
     rotation, position = object_from_gripper[:, :3, :3], object_from_gripper[:, :3, 3]
     origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
     inward = -SIDE[None, :, None] * rotation[:, None, :, 0]
@@ -103,11 +135,15 @@ def close_pads(
     patch = (within <= first[..., None] + TOUCH) & touching[..., None]
     weight = patch / np.maximum(patch.sum(axis=2, keepdims=True), 1)
     local = np.einsum("gpr,gprj->gpj", weight, starts)
+    if gripper.pads_turn:  # the point of a tilted face that touches first, not the middle of those near it
+        nearest = within.argmin(axis=2)[..., None]
+        local[..., 0] = np.take_along_axis(starts[..., 0], nearest, axis=2)[..., 0]
     local[..., 0] -= SIDE * np.where(touching, first, 0.0)
     hits = origins + np.where(patch, within, 0.0)[..., None] * directions
     points = np.einsum("gpr,gprj->gpj", weight, hits)
     normals = _unit(np.einsum("gpr,gprj->gpj", weight, face_normals))
-    nowhere = ~touching[..., None]
+    facing = np.einsum("gij,gpj->gpi", rotation, pad_normals)
+    nowhere, both = ~touching[..., None], touching.all(axis=1)
     return Closing(
         points=np.where(nowhere, np.nan, points),
         normals=np.where(nowhere, np.nan, normals),
@@ -115,6 +151,8 @@ def close_pads(
         touching=touching,
         buried=(behind & np.isfinite(distance)).any(axis=2),
         coverage=patch.mean(axis=2),
-        cosines=np.where(touching, -np.einsum("gpi,gpi->gp", normals, inward), 0.0),
-        width=np.where(touching.all(axis=1), local[:, 1, 0] - local[:, 0, 0], np.nan),
+        cosines=np.where(touching, -np.einsum("gpi,gpi->gp", normals, facing), 0.0),
+        width=np.where(both, local[:, 1, 0] - local[:, 0, 0], np.nan),
+        opening=np.where(both, opening - np.where(touching, first, 0.0).sum(axis=1), np.nan),
+        off_centre=np.where(both, local[..., 0].mean(axis=1) - gripper.pad_middle(opening), np.nan),
     )

@@ -131,7 +131,7 @@ def check_grasps(
     openings = np.array([check.opening for check in found])
     widths = np.array([grasp.width for grasp in grasps])
     closing = close_pads(world.surface, poses, openings, gripper, expected=widths)
-    return tuple(_close(check, closing, i) for i, check in enumerate(found))
+    return _with_hint([_close(check, closing, i, gripper) for i, check in enumerate(found)], gripper)
 
 
 def _reach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper) -> GraspCheck:
@@ -204,10 +204,9 @@ def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, openi
     opened, pose = OpenedGripper(gripper, opening), grasp.object_from_gripper
     pairs = world.touching(pose, opened) or world.swallowed(pose, opened)
     if pairs:
-        pads = {pad.link for pad in gripper.pads}
         hit = {opened.parts[i].name for i, j in pairs if j == 0}
         touch = world.deepest(pose, opened, pairs)
-        if pads <= hit and opening > gripper.max_width - 1e-6:
+        if all(hit & body for body in gripper.pad_bodies) and opening > gripper.max_width - 1e-6:
             reason = f"both fingers hit the object with the gripper fully open ({opening * 1e3:.0f} mm)"
             return _blocked(CheckStatus.TOO_WIDE, reason, opening, touch)
         return _blocked(CheckStatus.IN_COLLISION, _overlap(touch), opening, touch)
@@ -225,7 +224,7 @@ def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, openi
 
 def _sweep(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening: float) -> GraspCheck:
     """Status of the closing itself: nothing but the object may stop the fingers."""
-    pose, pads = grasp.object_from_gripper, {pad.link for pad in gripper.pads}
+    pose = grasp.object_from_gripper
     last = max(grasp.width + 2 * LEAST_ROOM, gripper.opening[0])
     for width in [*np.arange(opening - SWEEP_STEP, last, -SWEEP_STEP), last]:
         opened = OpenedGripper(gripper, float(width))
@@ -233,7 +232,7 @@ def _sweep(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening:
             (i, j)
             for i, j in world.touching(pose, opened)
             # A pad that touches the object early has simply closed.
-            if j != 0 or opened.parts[i].name not in pads
+            if j != 0 or opened.parts[i].name not in gripper.finger_links
         ]
         if pairs:
             touch = world.deepest(pose, opened, pairs)
@@ -254,7 +253,20 @@ def _blocked(
     return GraspCheck(status, reason, opening, touch.link, touch.obstacle, touch.depth, before)
 
 
-def _close(check: GraspCheck, closing: Closing, i: int) -> GraspCheck:
+def _with_hint(checks: list[GraspCheck], gripper: Gripper) -> tuple[GraspCheck, ...]:
+    """The checks; where one link that is no finger blocks every grasp, each reason says what may be wrong."""
+    links = {check.link for check in checks}
+    link = links.pop()
+    if len(checks) < 2 or links or link is None or link in gripper.finger_links:
+        return tuple(checks)
+    hint = (
+        f"{link} blocks every grasp: if its collision geometry is only a safety margin, "
+        f"add ignore_links: [{link}] to {gripper.path.name}"
+    )
+    return tuple(dataclasses.replace(check, reason=f"{check.reason} ({hint})") for check in checks)
+
+
+def _close(check: GraspCheck, closing: Closing, i: int, gripper: Gripper) -> GraspCheck:
     """Add what the pads meet."""
     if not check.usable:
         return check
@@ -264,6 +276,12 @@ def _close(check: GraspCheck, closing: Closing, i: int) -> GraspCheck:
         reason = f"closing from {check.opening * 1e3:.0f} mm, the {' and the '.join(sides)} pad meets nothing"
         return dataclasses.replace(check, status=CheckStatus.NO_CONTACT, reason=reason)
     width, cosine = float(closing.width[i]), float(closing.cosines[i].min())
+    if closing.opening[i] < gripper.opening[0] - LEAST_ROOM:
+        reason = (
+            f"the object is {1e3 * width:.0f} mm wide here; {gripper.name} closes to "
+            f"{1e3 * gripper.opening[0]:.0f} mm"
+        )
+        return dataclasses.replace(check, status=CheckStatus.NO_CONTACT, reason=reason)
     angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     return dataclasses.replace(
         check,

@@ -95,7 +95,7 @@ class _Search:
         self.shifts = np.tile(_grid(settings.ways), (len(grasps), 1, 1))
         self.closing = self._close()
         # Between the pads again, where the object is not as straight as the shift.
-        middle = self.closing.local[..., 0].mean(axis=1).reshape(self.shifts.shape[:2])
+        middle = self.closing.off_centre.reshape(self.shifts.shape[:2])
         self.shifts[..., 1:, 0] = np.nan_to_num(middle)[..., 1:]
 
     def _close(self) -> Closing:

@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32, Int
 
 from grasptransfer.frames import invert, transform_points
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck
-from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.gripper import Gripper, PadFaces
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.warping import WarpedGrasp
 
@@ -169,8 +169,11 @@ def features_around(
     clearance = _clearance(local[:, ::2], draw[::2], boxes, shifts, draws)
     corridor = _pad_corridor(gripper, opening, grasp.width)
     between = np.flatnonzero(_within(local, corridor, 0.0, swept))
-    facing = pose[:3, 0] @ normals[:, near[between]]
-    met = _meet(local[:, between], facing, draw[between], corridor, shifts, draws)
+    faces = gripper.pad_faces(np.array([grasp.width]))
+    towards = pose[:3, :3] @ faces.normals[0].T.astype(np.float32)
+    facing = np.stack([-(pad @ normals[:, near[between]]) for pad in towards.T])
+    recede = _receding(faces, local[1:, between])
+    met = _meet(local[:, between], facing, draw[between], corridor, recede, shifts, draws)
     columns = [
         clearance * 1e3,
         met.flatness,
@@ -195,9 +198,10 @@ class _Met:
 
 def _meet(
     points: Float32[np.ndarray, "3 p"],
-    facing: Float32[np.ndarray, "p"],
+    facing: Float32[np.ndarray, "2 p"],
     draw: Int[np.ndarray, "p"],
     corridor: tuple,
+    recede: Float32[np.ndarray, "2 p"],
     shifts: Float[np.ndarray, "c 3"],
     draws: int,
 ) -> _Met:
@@ -205,9 +209,10 @@ def _meet(
 
     Args:
         points: gripper frame before the shifts [m].
-        facing: how far their normals look along +x, a cosine.
+        facing: of the -x and the +x pad: cosine of the angle between its face and their normals.
         draw: which draw each is of.
         corridor: what the pads sweep, see `_pad_corridor`.
+        recede: how far the face of each pad recedes along +x there, before the shifts [m].
     """
     moved = points[None] - shifts[:, :, None].astype(np.float32)
     inside = np.ones(moved[:, 0].shape, dtype=bool)
@@ -216,7 +221,10 @@ def _meet(
     shift, point = np.nonzero(inside)
     x, place = moved[shift, 0, point], shift * draws + draw[point]
     counts, flatness = zip(
-        *(_touched(side * x, side * facing[point], place, len(shifts) * draws) for side in (-1, 1)),
+        *(
+            _touched(side * (x - back[point]), cosines[point], place, len(shifts) * draws)
+            for side, cosines, back in zip((-1, 1), facing, recede, strict=True)
+        ),
         strict=True,
     )
     shape = (len(shifts), draws)
@@ -317,11 +325,18 @@ def _pad_corridor(
     gripper: Gripper, opening: float, width: float
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
     """The box between the pads that they sweep when closing: its low and high corner [m]."""
-    height = float(gripper.pad_heights(np.array([width])).mean())
+    middle = float(gripper.pad_middle(np.array([opening]))[0])
+    across = gripper.pad_faces(np.array([width])).across[0].mean(axis=0)
     size = np.minimum(gripper.pads[0].size, gripper.pads[1].size)
-    low = np.array([-opening / 2, -size[0] / 2, height - size[1] / 2])
-    high = np.array([opening / 2, size[0] / 2, height + size[1] / 2])
+    low = np.array([middle - opening / 2, *(across - size / 2)])
+    high = np.array([middle + opening / 2, *(across + size / 2)])
     return low, high
+
+
+def _receding(faces: PadFaces, across: Float32[np.ndarray, "2 m"]) -> Float32[np.ndarray, "2 m"]:
+    """How far the face of each pad recedes along +x at these y and z, gripper frame [m]."""
+    middle = faces.across[0].mean(axis=0).astype(np.float32)
+    return faces.slopes[0].astype(np.float32) @ (across - middle[:, None])
 
 
 def _within(points: np.ndarray, corners: tuple, margin: float, swept: tuple) -> np.ndarray:

@@ -117,9 +117,10 @@ class _Search:
     ):
         self.grasps, self.world, self.gripper, self.settings = grasps, world, gripper, settings
         self.start = np.stack([grasp.object_from_gripper for grasp in grasps])
-        self.best = self.start.copy()
         self.widths = np.array([grasp.width for grasp in grasps])
         self.openings = np.array([gripper.approach_opening(width) for width in self.widths])
+        self._between_pads()
+        self.best = self.start.copy()
         self._widen()
         self.opened = [OpenedGripper(gripper, float(opening)) for opening in self.openings]
         self.rng = np.random.default_rng(0)
@@ -131,6 +132,20 @@ class _Search:
             self._round(0.5**round_, first=round_ == 0)
         closing = self._close(self.best[:, None])
         return [self._result(i, closing) for i in range(len(self.grasps))]
+
+    def _between_pads(self) -> None:
+        """Start with the contacts between the opened pads, where they do not mirror each other at the TCP.
+
+        A grasp annotated for another gripper has its contacts around the TCP; one jaw that stands may be
+        there. Where contacts are not known, the TCP is taken to lie between them.
+        """
+        for i, (grasp, middle) in enumerate(
+            zip(self.grasps, self.gripper.pad_middle(self.openings), strict=True)
+        ):
+            if middle != 0:
+                pose = self.start[i]
+                x = 0.0 if grasp.contacts is None else _along_x(pose, grasp.contacts)
+                pose[:3, 3] += (x - middle) * pose[:3, 0]
 
     def _widen(self) -> None:
         """Open further where a pad would start inside the object."""
@@ -177,8 +192,7 @@ class _Search:
         """Centre the candidates between the pads, and keep each grasp's best that is free."""
         count, repeat = candidates.shape[:2]
         closing = self._close(candidates)
-        middle = closing.local[..., 0].mean(axis=1).reshape(count, repeat)
-        middle = np.where(np.isfinite(middle), middle, 0.0)
+        middle = np.nan_to_num(closing.off_centre).reshape(count, repeat)
         candidates = candidates.copy()
         candidates[..., :3, 3] += candidates[..., :3, 0] * middle[..., None]
         cost = self._cost(closing, candidates)
@@ -224,7 +238,7 @@ class _Search:
         tilt = np.arccos(np.clip(closing.cosines.min(axis=1), -1, 1)).reshape(shape)
         bare = 1 - closing.coverage.min(axis=1).reshape(shape)
         middle = np.nan_to_num(closing.local[..., 1:]).mean(axis=1)
-        middle[:, 1] -= self.gripper.pad_heights(np.repeat(self.widths, shape[1])).mean(axis=1)
+        middle -= self.gripper.pad_faces(np.repeat(self.widths, shape[1])).across.mean(axis=1)
         off = (np.linalg.norm(middle, axis=1) / HALF_PAD).reshape(shape)
         shift = np.linalg.norm(candidates[..., :3, 3] - self.start[:, None, :3, 3], axis=2)
         relative = np.einsum("gji,gcjk->gcik", self.start[:, :3, :3], candidates[..., :3, :3])
@@ -247,6 +261,11 @@ class _Search:
         if not closing.touching[i].all():
             return grasp
         return grasp.closing_at(self.best[i], float(closing.width[i]), closing.points[i])
+
+
+def _along_x(pose: Float[np.ndarray, "4 4"], contacts: Float[np.ndarray, "2 3"]) -> float:
+    """x of the middle of the contacts in the pose's frame [m]."""
+    return float((contacts.mean(axis=0) - pose[:3, 3]) @ pose[:3, 0])
 
 
 def _rotations(vectors: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3 3"]:

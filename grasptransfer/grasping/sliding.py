@@ -50,5 +50,7 @@ def _slid(grasp: WarpedGrasp, surface: Surface, gripper: Gripper) -> WarpedGrasp
         return grasp
     nearest = int(np.argmax(fits))
     pose = poses[nearest]
-    pose[:3, 3] += pose[:3, 0] * closing.local[nearest, :, 0].mean()
+    # Between the pads as they will be opened around what is found.
+    opened = gripper.pad_middle(np.array([gripper.approach_opening(float(closing.width[nearest]))]))
+    pose[:3, 3] += pose[:3, 0] * (closing.local[nearest, :, 0].mean() - opened[0])
     return grasp.closing_at(pose, float(closing.width[nearest]), closing.points[nearest])

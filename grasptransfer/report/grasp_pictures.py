@@ -180,7 +180,7 @@ def painted_gripper(
         opening: distance between the pads [m].
         a_from_gripper: (4, 4) TCP [m].
     """
-    pads = {pad.link for pad in gripper.pads}
+    pads = gripper.finger_links
     fingers, rest = [], []
     for name, mesh in gripper.link_meshes(float(np.clip(opening, *gripper.opening)), visual=True).items():
         mesh.apply_transform(a_from_gripper)

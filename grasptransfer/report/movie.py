@@ -55,7 +55,7 @@ def movie(
     recording = trial.recording
     if recording is None:
         return []
-    pads = {pad.link for pad in gripper.pads}
+    pads = gripper.finger_links
     colour = USABLE if trial.held else REFUSED
     known = recording.world_from_link
     shapes = {k.name: k.visual for k in gripper.links if k.visual is not None and k.name in known}

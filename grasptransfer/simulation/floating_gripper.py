@@ -54,7 +54,7 @@ class FloatingGripper:
             self.link_names[index] = info[12].decode()
         self.joints = [(numbers[name], ratio) for name, ratio in self.hand.joints]
         links = {name: index for index, name in self.link_names.items()}
-        self.pads = [links[name] for name in self.hand.pad_links]
+        self.pads = [{links[name] for name in body} for body in self.hand.pad_bodies]
 
     def _set_dynamics(self):
         # Apart from the links' own numbers: given together with damping, Bullet sets the base's.

@@ -3,13 +3,16 @@
 import hashlib
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from grasptransfer.grasping.gripper import Gripper
-from grasptransfer.grasping.urdf_geometry import FingerLink
+from grasptransfer.grasping.gripper import FingerJoint, FingerLink, Gripper, Joint
+
+if TYPE_CHECKING:
+    import trimesh
 
 LEAST_MASS = 0.01  # kg of a link that the URDF gives none: lighter ones shake in the solver
 LEAST_MOMENT = 1e-6  # kg m2, likewise
@@ -28,6 +31,7 @@ class Hand:
         drivers, openings: tables of driver values and the pad distances that belong to them [m].
         offsets: of each joint, metres or radians.
         pad_links: names of the links with the -x and the +x pad.
+        pad_bodies: names of all links that move with each pad.
         force_limit: [N].
         digest: of everything above.
     """
@@ -42,6 +46,7 @@ class Hand:
     openings: Float[np.ndarray, "t"] = field(repr=False)
     opening: tuple[float, float]
     pad_links: tuple[str, str]
+    pad_bodies: tuple[frozenset[str], frozenset[str]]
     force_limit: float
     digest: str
 
@@ -61,7 +66,8 @@ class Hand:
 def hand_of(gripper: Gripper) -> Hand:
     """The gripper without what the physics does not need."""
     urdf, meshes = _urdf(gripper)
-    joints = tuple((joint.name, joint.ratio) for joint in gripper.finger_joints)
+    moving = [joint for joint in gripper.finger_joints if joint.ratio != 0]
+    joints = tuple((joint.name, joint.ratio) for joint in moving)
     first, second = gripper.pads
     text = repr((gripper.name, urdf, meshes, joints, gripper.base_from_tcp.tolist(), gripper.opening))
     return Hand(
@@ -70,11 +76,12 @@ def hand_of(gripper: Gripper) -> Hand:
         meshes=meshes,
         base_from_tcp=np.array(gripper.base_from_tcp),
         joints=joints,
-        offsets=tuple(joint.offset for joint in gripper.finger_joints),
+        offsets=tuple(joint.offset for joint in moving),
         drivers=np.array(gripper.driver_table),
         openings=np.array(gripper.opening_table),
         opening=gripper.opening,
         pad_links=(first.link, second.link),
+        pad_bodies=gripper.pad_bodies,
         force_limit=gripper.force_limit,
         digest=hashlib.sha256(text.encode()).hexdigest()[:16],
     )
@@ -84,20 +91,48 @@ def _urdf(gripper: Gripper) -> tuple[str, tuple[tuple[str, str], ...]]:
     """The URDF below the base link, with the collision shapes that `Gripper` read."""
     source = ElementTree.parse(gripper.urdf_path).getroot()
     links = {link.name: link for link in gripper.links}
+    coupled = {joint.name: joint for joint in gripper.finger_joints}
+    joints = {joint.name: joint for link in gripper.links for joint in link.chain}
     robot, meshes = ElementTree.Element("robot", name=gripper.name), []
     # The root comes first: it becomes the base of the floating body.
-    for link in gripper.links:
+    for number, link in enumerate(gripper.links):
         given = next(element for element in source.findall("link") if element.get("name") == link.name)
         element = ElementTree.SubElement(robot, "link", name=link.name)
         element.append(_inertial(given.find("inertial")))
-        meshes += _add_shapes(element, link)
+        meshes += _add_shapes(element, link, f"link{number}")
     for joint in source.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         assert parent is not None
         assert child is not None
         if parent.get("link") in links and child.get("link") in links:
-            robot.append(joint)
+            name = str(joint.get("name"))
+            robot.append(_joint(joint, joints[name], coupled.get(name)))
     return ElementTree.tostring(robot, encoding="unicode"), tuple(meshes)
+
+
+def _joint(given: ElementTree.Element, joint: Joint, coupled: FingerJoint | None) -> ElementTree.Element:
+    """The URDF's joint with the limits that were checked, without its `<mimic>`; fixed if it stands still."""
+    if coupled is None:
+        return given
+    for mimic in given.findall("mimic"):
+        given.remove(mimic)
+    if coupled.ratio == 0:
+        element = ElementTree.Element("joint", name=joint.name, type="fixed")
+        element.append(_origin(joint.parent_from_child(coupled.offset)))
+        element.extend(part for part in given if part.tag in ("parent", "child"))
+        return element
+    limit = given.find("limit")
+    if coupled.limits is not None and coupled.limits != joint.limits:
+        limit = ElementTree.SubElement(given, "limit") if limit is None else limit
+        for side, value in zip(("lower", "upper"), coupled.limits, strict=True):
+            limit.set(side, f"{value:.9g}")
+    return given
+
+
+def _origin(parent_from_child: Float[np.ndarray, "4 4"]) -> ElementTree.Element:
+    position = " ".join(f"{value:.9g}" for value in parent_from_child[:3, 3])
+    angles = Rotation.from_matrix(parent_from_child[:3, :3]).as_euler("xyz")
+    return ElementTree.Element("origin", xyz=position, rpy=" ".join(f"{value:.9g}" for value in angles))
 
 
 def _inertial(given: ElementTree.Element | None) -> ElementTree.Element:
@@ -110,15 +145,12 @@ def _inertial(given: ElementTree.Element | None) -> ElementTree.Element:
     return element
 
 
-def _add_shapes(element: ElementTree.Element, link: FingerLink) -> list[tuple[str, str]]:
-    """Collision elements of the link's shapes; returns the files its meshes need."""
+def _add_shapes(element: ElementTree.Element, link: FingerLink, stem: str) -> list[tuple[str, str]]:
+    """Collision elements of the link's shapes; returns the files of its meshes, named after `stem`."""
     files = []
     for i, shape in enumerate(link.shapes):
         collision = ElementTree.SubElement(element, "collision")
-        position = " ".join(f"{value:.9g}" for value in shape.link_from_shape[:3, 3])
-        angles = Rotation.from_matrix(shape.link_from_shape[:3, :3]).as_euler("xyz")
-        rpy = " ".join(f"{value:.9g}" for value in angles)
-        ElementTree.SubElement(collision, "origin", xyz=position, rpy=rpy)
+        collision.append(_origin(shape.link_from_shape))
         geometry = ElementTree.SubElement(collision, "geometry")
         if shape.kind == "box":
             ElementTree.SubElement(geometry, "box", size=" ".join(f"{value:.9g}" for value in shape.size))
@@ -128,15 +160,14 @@ def _add_shapes(element: ElementTree.Element, link: FingerLink) -> list[tuple[st
         elif shape.kind == "sphere":
             ElementTree.SubElement(geometry, "sphere", radius=f"{shape.size[0]:.9g}")
         else:
-            name = f"{link.name}_{i}.obj"
+            name = f"{stem}_{i}.obj"
             ElementTree.SubElement(geometry, "mesh", filename=name)
-            files.append((name, _hull_text(shape.mesh)))
+            files.append((name, _wavefront(shape.mesh)))
     return files
 
 
-def _hull_text(mesh) -> str:
-    """A moving mesh collides as its convex hull anyway; said here, and the same for every format."""
-    hull = mesh.convex_hull
-    lines = ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in hull.vertices]
-    lines += ["f {} {} {}".format(*(face + 1)) for face in hull.faces]
+def _wavefront(mesh: "trimesh.Trimesh") -> str:
+    """A convex part as text of an OBJ file."""
+    lines = ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in mesh.vertices]
+    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
     return "\n".join(lines) + "\n"

@@ -141,7 +141,8 @@ class _Trial:
         if distance >= -self.protocol.clearance_tolerance:
             return
         fully = self.job.opening > self.world.hand.opening[1] - 1e-6
-        if fully and set(self.world.hand.pad_links) <= self.world.overlapping():
+        overlapping = self.world.overlapping() if fully else set()
+        if all(overlapping & body for body in self.world.hand.pad_bodies):
             text = (
                 f"both fingers hit the object with the gripper fully open ({self.job.opening * 1e3:.0f} mm)"
             )
@@ -264,9 +265,7 @@ class _Trial:
 
     def _both_pads(self, otherwise: TrialStatus | None = None):
         links, _ = self.world.touching()
-        missing = [
-            side for side, pad in zip(("-x", "+x"), self.gripper.pads, strict=True) if pad not in links
-        ]
+        missing = [side for side, pad in zip(("-x", "+x"), self.gripper.pads, strict=True) if not pad & links]
         if missing:
             text = f"the {' and the '.join(missing)} pad touches nothing"
             raise _Ended(otherwise or self._slipped(), text)

@@ -157,9 +157,4 @@ def _frame_from_tcp(name: str | None, gripper: Gripper, path: Path) -> Float[np.
 
 def _width(positions: dict[str, float] | None, gripper: Gripper) -> float | None:
     """Opening [m] that belongs to the driver's position, where the file tells it."""
-    driver = gripper.finger_joints[0]
-    if not positions or driver.name not in positions:
-        return None
-    value = (positions[driver.name] - driver.offset) / driver.ratio
-    order = np.argsort(gripper.driver_table)
-    return float(np.interp(value, gripper.driver_table[order], gripper.opening_table[order]))
+    return gripper.opening_of(positions) if positions else None
