@@ -29,6 +29,7 @@ ROOMS = [
     {"result"},
     {"transfer"},
     {"report", "annotator"},
+    {"service"},
     {"workshop"},
     {"workshop.objects"},
     {"workshop.building"},

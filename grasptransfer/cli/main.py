@@ -20,6 +20,7 @@ from grasptransfer.cli.annotate import annotate
 from grasptransfer.cli.bench import COMMANDS as BENCHMARKS
 from grasptransfer.cli.category import COMMANDS as CATEGORY
 from grasptransfer.cli.grasps import convert, frames
+from grasptransfer.cli.serve import serve
 from grasptransfer.cli.train import train
 from grasptransfer.cli.transfer import demo, simulate, transfer
 from grasptransfer.errors import GraspTransferError, check_seed
@@ -95,6 +96,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "train": train,
     "annotate": annotate,
     "simulate": simulate,
+    "serve": serve,
     "convert": convert,
     "frames": frames,
     "bench": _group("bench"),
