@@ -79,7 +79,7 @@ def _draw(axes: Any, gripper: Gripper, *, across: int, name: str) -> None:
 
     look = np.cross(np.eye(3)[across], [0.0, 0.0, 1.0])  # right x down = forward
     meshes = gripper.link_meshes(gripper.max_width, visual=True)
-    pads = gripper.finger_links
+    pads = gripper.finger_links - {gripper.base_link}
     corners, colours, depths = [], [], []
     for link, mesh in meshes.items():
         facing = mesh.face_normals @ look < 0

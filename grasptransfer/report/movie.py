@@ -1,7 +1,7 @@
 """Moving pictures of a recorded trial: the true mesh and the gripper, from a side that shows both fingers."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -126,7 +126,7 @@ def _corners(parts, poses, framed_parts: list[bool]) -> Float[np.ndarray, "m 3"]
     return np.concatenate(boxes)
 
 
-def _direction(recording: "Recording", links: Iterable[str], pads: set[str]) -> tuple[float, float]:
+def _direction(recording: "Recording", links: Iterable[str], pads: Collection[str]) -> tuple[float, float]:
     """Azimuth and elevation of a camera that sees the fingers side by side, and no back of the hand."""
     first = {name: poses[0, :3, 3] for name, poses in recording.world_from_link.items()}
     tips = [first[name] for name in links if name in pads]

@@ -61,7 +61,7 @@ def couple(
     groups: dict[str, list[str]] = {}
     for name, (leader, _, _) in leaders.items():
         groups.setdefault(leader, []).append(name)
-    found = {}
+    found: dict[str, tuple[float, float]] = {}
     for leader, members in groups.items():
         ratio, offset = _of_leader(leader, members, given, leaders, path, alone=len(groups) == 1)
         for name in members:
@@ -72,7 +72,10 @@ def couple(
     first = next(iter(order))
     if found[first][0] == 0:
         raise GripperError("the driver's ratio must not be 0", path=path, key=f"joints.{first}")
-    return tuple(FingerJoint(n, *found[n], moving[n].kind, moving[n].limits) for n in order)
+    return tuple(
+        FingerJoint(name, found[name][0], found[name][1], moving[name].kind, moving[name].limits)
+        for name in order
+    )
 
 
 def _leader(joint: Joint, moving: Mapping[str, Joint], path: Path) -> tuple[str, float, float]:

@@ -90,9 +90,9 @@ def _read(path: Path) -> Gripper:
 
     drivers, openings = _opening_table(joints, opening, model, urdf_path, path)
     limits = _opening_range(model.opening, openings, path)
-    ends = np.interp(limits, openings, drivers)
-    joints = check_limits(joints, moving, (float(ends[0]), float(ends[1])), urdf_path=urdf_path)
-    pads = _pads(model, by_name, tcp_from_link, np.linspace(*ends, 9), path)
+    closed, opened = (float(np.interp(limit, openings, drivers)) for limit in limits)
+    joints = check_limits(joints, moving, (closed, opened), urdf_path=urdf_path)
+    pads = _pads(model, by_name, tcp_from_link, np.linspace(closed, opened, 9), path)
     gripper = Gripper(
         name=model.name,
         path=path,

@@ -26,6 +26,7 @@ from grasptransfer.grasping.gripper.pads import Pad, PadFaces, PadTable, moving_
 if TYPE_CHECKING:
     import trimesh
 
+PAD_SAMPLES = 65  # of where the pads are, over the stroke
 APPROACH_CLEARANCE = 0.01  # m each side: room for the usual pose error of a seen object
 
 
@@ -142,9 +143,7 @@ class Gripper:
 
     @cached_property
     def _pad_table(self) -> PadTable:
-        widths = np.clip(self.opening_table, *self.opening)
-        table = pad_table(self.pads, widths, self.link_poses)
-        return PadTable(self.opening_table, table.middles, table.across, table.normals)
+        return pad_table(self.pads, np.linspace(*self.opening, PAD_SAMPLES), self.link_poses)
 
     def approach_opening(self, width: float) -> float:
         """Opening [m] with which to approach something `width` [m] wide: 1 cm of room on each side."""
