@@ -15,8 +15,8 @@ from PIL import Image
 
 import grasptransfer as gt
 from grasptransfer.category import check_category
+from grasptransfer.drawing.contact_sheet import contact_sheet
 from grasptransfer.drawing.rendering import Renderer
-from grasptransfer.report.contact_sheet import contact_sheet
 from grasptransfer.workshop.building import build_category
 from grasptransfer.workshop.building.category_page import category_page
 

@@ -14,10 +14,10 @@ import numpy as np
 from PIL import Image
 
 import grasptransfer as gt
+from grasptransfer.drawing.contact_sheet import contact_sheet
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.drawing.views import look_at
 from grasptransfer.perception.estimate import ShapeEstimate
-from grasptransfer.report.contact_sheet import contact_sheet
 
 CAMERA = gt.Camera.from_fov(640, 480, np.deg2rad(50))
 POSE = look_at(0.45, np.deg2rad(40), np.deg2rad(30))  # camera_from_object [m]

@@ -16,7 +16,6 @@ from grasptransfer.registration import DeformationField, ShapeSpace
 from grasptransfer.workshop import objects
 from grasptransfer.workshop.building.parametric.canonical_surface import surface_of
 from grasptransfer.workshop.building.parametric.library import CURATED, compact
-from grasptransfer.workshop.building.pictures import picture, png
 from grasptransfer.workshop.building.surface_points import visible_surface, voxel_filter, voxel_for
 from grasptransfer.workshop.building.writing import glb_of, write_category
 
@@ -300,28 +299,6 @@ def test_the_voxel_filter_leaves_one_of_the_given_points_in_each_voxel():
     cells = np.floor((kept - points.min(0)) / 0.1).astype(int)
     assert len(np.unique(cells, axis=0)) == len(kept)
     assert abs(len(points[voxel_filter(points, voxel_for(points, 400))]) - 400) <= 0.02 * 400
-
-
-def test_a_picture_shows_the_texture_on_white():
-    texture = Image.new("RGB", (4, 4), (200, 30, 30))
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=texture)
-    box = trimesh.creation.box((0.1, 0.1, 0.1))
-    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
-    image = picture(box, 40)
-    assert (image[0, 0] == 255).all()
-    red, green, blue = image[20, 20].astype(int)
-    assert red > 2 * green
-    assert red > 2 * blue
-    assert png(image) == png(picture(box, 40))
-
-
-def test_a_picture_shows_parts_where_their_nodes_put_them():
-    box = trimesh.creation.box((0.1, 0.1, 0.1))
-    away = trimesh.transformations.translation_matrix([0, 0.3, 0])
-    scene, moved = trimesh.Scene(), trimesh.Scene([box, box.copy().apply_transform(away)])
-    scene.add_geometry(box, geom_name="box")
-    scene.graph.update("second", matrix=away, geometry="box")
-    assert np.array_equal(picture(scene, 40), picture(moved, 40))
 
 
 def test_large_textures_shrink_and_become_jpeg(tmp_path):

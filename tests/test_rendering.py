@@ -5,10 +5,11 @@ import pytest
 import trimesh
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.drawing.rendering import Renderer, position_image
 from grasptransfer.drawing.views import look_at, sphere_views
 from grasptransfer.frames import rigid, transform_points
-from grasptransfer.perception.zoom import projected_box, zoom_box, zoom_camera, zoom_picture
+from grasptransfer.perception.zoom import zoom_box, zoom_camera, zoom_picture
 
 OFF_CENTRE = Camera(400.0, 380.0, 100.0, 70.0, 256, 192)
 RADIUS = 0.1

@@ -15,6 +15,7 @@ from seen_mug import CAMERA, POSE, see_mug
 
 import grasptransfer as gt
 from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.studio import Studio, View, crop_photo, observed_view
 from grasptransfer.errors import SettingsError
 from grasptransfer.grasping.formats import read_grasps
 from grasptransfer.perception.estimate import ShapeEstimate
@@ -25,7 +26,6 @@ from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.pictures import Pictures, outlined
 from grasptransfer.report.result_files import save_result
 from grasptransfer.report.scene_view import best_of_each_label, scene_glb
-from grasptransfer.report.studio import Studio, View, crop_photo, observed_view
 from grasptransfer.simulation.outcome import Recording, TrialResult, TrialStatus
 
 

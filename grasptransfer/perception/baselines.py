@@ -8,11 +8,11 @@ from jaxtyping import Float
 from scipy.optimize import minimize_scalar
 
 from grasptransfer.category import Category
+from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import invert, transform_points
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.zoom import projected_box
 from grasptransfer.registration import CpdStatus, DeformationField, LatentFitStatus, cpd, latent_fit
 
 FEWEST_POINTS = 20

@@ -5,8 +5,9 @@ import torch
 from jaxtyping import Float, Float32, UInt8
 from torch import Tensor
 
+from grasptransfer.drawing.boxes import Box, enlarge, union
 from grasptransfer.drawing.views import towards
-from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH, Box, enlarge, union, zoom_box
+from grasptransfer.perception.zoom import ZOOM_HEIGHT, ZOOM_WIDTH, zoom_box
 
 NO_BOX_MARGIN = 1.3  # without a detection the canonical's own box, this much larger, is searched
 

@@ -9,9 +9,9 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import ExifTags, Image, UnidentifiedImageError
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.boxes import Box
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import check_rigid
-from grasptransfer.perception.zoom import Box
 from grasptransfer.poses import check_in_view
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 16384  # px

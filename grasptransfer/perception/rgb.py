@@ -11,6 +11,7 @@ from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
+from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
@@ -39,14 +40,7 @@ from grasptransfer.perception.precision import arithmetic, choose_precision
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
-from grasptransfer.perception.zoom import (
-    MASK_STRIDE,
-    centre_on_box,
-    projected_box,
-    zoom_camera,
-    zoom_mask,
-    zoom_picture,
-)
+from grasptransfer.perception.zoom import MASK_STRIDE, centre_on_box, zoom_camera, zoom_mask, zoom_picture
 from grasptransfer.registration import PosePrior
 from grasptransfer.registration.blas_threads import single_blas_thread
 

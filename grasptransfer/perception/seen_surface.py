@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Int
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
+from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.frames import invert
-from grasptransfer.perception.zoom import projected_box
 
 RAYS = 1500  # through the model's box; about half of them meet it
 

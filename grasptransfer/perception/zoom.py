@@ -5,35 +5,11 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from PIL import Image
 
 from grasptransfer.camera import Camera
-from grasptransfer.frames import transform_points
+from grasptransfer.drawing.boxes import Box, projected_box
 
 ZOOM_WIDTH, ZOOM_HEIGHT = 256, 192  # the network's input [px]
 MASK_STRIDE = 4  # zoomed pixels to a cell of the network's mask
 MARGIN = 1.15  # the box is this much larger than what it must hold
-
-Box = tuple[float, float, float, float]
-
-
-def projected_box(
-    points_object: Float[np.ndarray, "m 3"], camera: Camera, camera_from_object: Float[np.ndarray, "4 4"]
-) -> Box:
-    """(u0, v0, u1, v1) in pixels around the projection of `points_object` [m]."""
-    pixels = camera.project(transform_points(camera_from_object, points_object))
-    u0, v0 = pixels.min(0)
-    u1, v1 = pixels.max(0)
-    return float(u0), float(v0), float(u1), float(v1)
-
-
-def union(a: Box, b: Box) -> Box:
-    """The smallest box that holds both."""
-    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
-
-
-def enlarge(box: Box, factor: float) -> Box:
-    """The box about the same centre with sides `factor` times as long."""
-    u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
-    half_u, half_v = (box[2] - box[0]) / 2 * factor, (box[3] - box[1]) / 2 * factor
-    return u - half_u, v - half_v, u + half_u, v + half_v
 
 
 def centre_on_box(

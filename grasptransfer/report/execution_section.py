@@ -10,7 +10,7 @@ from grasptransfer.report.html import Figure
 from grasptransfer.report.movie import movie, seconds_per_frame
 
 if TYPE_CHECKING:
-    from grasptransfer.report.studio import Studio
+    from grasptransfer.drawing.studio import Studio
     from grasptransfer.result import TransferResult
     from grasptransfer.simulation import TrialResult
 

@@ -7,8 +7,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Float32, UInt8
 
+from grasptransfer.drawing.studio import Colour, Studio, View, fitted_view, painted, together
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.report.studio import Colour, Studio, View, fitted_view, painted, together
 
 if TYPE_CHECKING:
     from grasptransfer.grasping import Gripper, Scene

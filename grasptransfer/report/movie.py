@@ -10,12 +10,7 @@ import trimesh
 from jaxtyping import Float, Int, UInt8
 
 from grasptransfer.camera import Camera
-from grasptransfer.drawing.views import look_at
-from grasptransfer.files import write_whole, writing
-from grasptransfer.frames import rigid, transform_points
-from grasptransfer.report.embedded import gif_bytes
-from grasptransfer.report.grasp_pictures import HAND, OBJECT, OBSTACLE, REFUSED, USABLE
-from grasptransfer.report.studio import (
+from grasptransfer.drawing.studio import (
     GROUND,
     LIGHTING,
     Studio,
@@ -23,6 +18,11 @@ from grasptransfer.report.studio import (
     framed,
     painted,
 )
+from grasptransfer.drawing.views import look_at
+from grasptransfer.files import write_whole, writing
+from grasptransfer.frames import rigid, transform_points
+from grasptransfer.report.embedded import gif_bytes
+from grasptransfer.report.grasp_pictures import HAND, OBJECT, OBSTACLE, REFUSED, USABLE
 
 if TYPE_CHECKING:
     from grasptransfer.grasping import Gripper

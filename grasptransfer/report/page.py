@@ -9,6 +9,7 @@ import trimesh
 
 import grasptransfer
 from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.studio import CANONICAL, RECONSTRUCTION, Studio
 from grasptransfer.files import write_whole
 from grasptransfer.frames import invert, rotation_angle
 from grasptransfer.report.embedded import jpeg_uri
@@ -17,7 +18,6 @@ from grasptransfer.report.grasp_pictures import GraspPictures
 from grasptransfer.report.html import Fact, Figure, render
 from grasptransfer.report.pictures import FOUND, GIVEN, MASK, DeformationMaps, Pictures
 from grasptransfer.report.scene_view import drawn_grippers, scene_page, shown_grasps
-from grasptransfer.report.studio import CANONICAL, RECONSTRUCTION, Studio
 
 if TYPE_CHECKING:
     from grasptransfer.result import TransferredGrasp, TransferResult

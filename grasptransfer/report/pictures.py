@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from scipy import ndimage
 
 from grasptransfer.drawing.rendering import position_image
-from grasptransfer.report.studio import (
+from grasptransfer.drawing.studio import (
     CANONICAL,
     LIGHTING,
     RECONSTRUCTION,

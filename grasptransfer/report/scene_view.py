@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import trimesh
 
+from grasptransfer.drawing.studio import painted, together
 from grasptransfer.frames import invert
 from grasptransfer.report.grasp_pictures import OBJECT, USABLE, painted_gripper, surroundings
-from grasptransfer.report.studio import painted, together
 
 if TYPE_CHECKING:
     from grasptransfer.result import TransferredGrasp, TransferResult

@@ -1,6 +1,5 @@
 """A few executed trials in one picture: a line for each, from the way in to the turn in the air."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import trimesh
 from jaxtyping import Int
-from PIL import Image, ImageDraw, ImageFont
 
 from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.sheet import encoded, sheet
+from grasptransfer.drawing.studio import GROUND, Studio
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import write_whole
 from grasptransfer.frames import rotation_angle
-from grasptransfer.report.grasp_sheet import GAP, INK, LINE
-from grasptransfer.report.movie import MOVIE, movie
-from grasptransfer.report.studio import GROUND, Studio
+from grasptransfer.report.movie import movie
 
 if TYPE_CHECKING:
     from grasptransfer.grasping import Gripper
@@ -54,20 +52,10 @@ def trial_sheet(path: str | Path, trials: Sequence[ExecutedTrial], gripper: "Gri
         raise SettingsError("there is no recorded trial to draw", key="trials", path=path)
     with Renderer() as renderer:
         lines = [_frames(one, gripper, Studio(renderer)) for one in trials]
-    (width, height), columns = MOVIE, len(MOMENTS)
-    size = (columns * (width + GAP) - GAP, LINE + len(lines) * (height + LINE + GAP) - GAP)
-    sheet = Image.new("RGB", size, GROUND)
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
-    for column, moment in enumerate(MOMENTS):
-        pen.text((column * (width + GAP) + 8, 3), moment, INK, font)
-    for row, (one, frames) in enumerate(zip(trials, lines, strict=True)):
-        top = LINE + row * (height + LINE + GAP)
-        for column, frame in enumerate(frames):
-            sheet.paste(Image.fromarray(frame), (column * (width + GAP), top))
-        pen.text((8, top + height + 3), one.caption, INK, font)
-    buffer = io.BytesIO()
-    sheet.save(buffer, "PNG")
-    write_whole(path, buffer.getvalue())
+    captions = [text for one in trials for text in (one.caption, *[""] * (len(MOMENTS) - 1))]
+    frames = [frame for line in lines for frame in line]
+    page = sheet(frames, len(MOMENTS), captions=captions, heads=MOMENTS, ground=GROUND)
+    write_whole(path, encoded(page))
     return path
 
 

@@ -77,7 +77,7 @@ class Client:
 
     def _ask(self, request):
         socket = self._connect()
-        socket.send(msgpack.packb(request))
+        socket.send(msgpack.Packer().pack(request))
         if not socket.poll(int(1000 * self.timeout)):
             self._disconnect()  # A socket that waits for an answer cannot ask again.
             raise TimeoutError(f"{self.address} gave no answer within {self.timeout:g} s")

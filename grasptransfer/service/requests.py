@@ -114,7 +114,8 @@ def camera_of(value: Any, width: int, height: int) -> Camera | None:
         return None
     numbers = array(value, "camera")
     if numbers.shape == (4,):
-        return Camera(*(float(number) for number in numbers), width, height)
+        fx, fy, cx, cy = (float(number) for number in numbers)
+        return Camera(fx, fy, cx, cy, width, height)
     return Camera.from_matrix(numbers, width, height)
 
 

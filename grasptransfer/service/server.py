@@ -84,7 +84,7 @@ class Service:
                 "kind": "InternalError",
                 "error": "the service failed on this request; its log says where",
             }
-        return msgpack.packb(reply)
+        return msgpack.Packer().pack(reply)
 
     def _answer(self, request: dict) -> dict:
         action = request.pop("action", None)

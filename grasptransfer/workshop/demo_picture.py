@@ -24,10 +24,10 @@ from grasptransfer.camera import Camera
 from grasptransfer.category import load_category, objects_folder
 from grasptransfer.drawing.lighting import Lighting
 from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.studio import smaller
 from grasptransfer.drawing.views import look_at
 from grasptransfer.files import write_whole
 from grasptransfer.frames import rigid
-from grasptransfer.report.studio import smaller
 from grasptransfer.workshop import objects
 
 CATEGORY, INSTANCE = "mug", "mug_0020"

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from grasptransfer.drawing.boxes import projected_box, union
 from grasptransfer.drawing.rendering import Renderer, position_image
 from grasptransfer.files import write_whole
-from grasptransfer.perception.zoom import projected_box, union, zoom_box, zoom_camera, zoom_picture
+from grasptransfer.perception.zoom import zoom_box, zoom_camera, zoom_picture
 from grasptransfer.registration import DeformationField
 from grasptransfer.workshop.benchmark.estimators import EstimatorSet
 from grasptransfer.workshop.benchmark.seen_instances import (

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from grasptransfer.category import Category
+from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.baselines import ClsEstimator, CpdEstimator, RigidEstimator, SimilarityEstimator
@@ -14,7 +15,7 @@ from grasptransfer.perception.estimate import Estimator, ShapeEstimate, with_cer
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.rgbd import RgbdEstimator
-from grasptransfer.perception.zoom import projected_box, zoom_box, zoom_camera
+from grasptransfer.perception.zoom import zoom_box, zoom_camera
 
 from grasptransfer.workshop.benchmark.seen_instances import Instance  # isort: skip
 

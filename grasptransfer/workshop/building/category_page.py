@@ -4,13 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from jaxtyping import UInt8
 
 from grasptransfer.category.category import Category
+from grasptransfer.drawing.contact_sheet import portrait
+from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.files import write_whole
 from grasptransfer.report.embedded import jpeg_uri
 from grasptransfer.report.html import Fact, Figure, render
+from grasptransfer.workshop.building.cloud_pictures import scatter
 from grasptransfer.workshop.building.outcome import CategoryBuild, Registration
-from grasptransfer.workshop.building.pictures import picture, scatter
 from grasptransfer.workshop.building.space_fit import SMOOTH
 
 SIDE = 190  # px of a picture
@@ -29,6 +32,9 @@ def category_page(build: CategoryBuild, path: str | Path) -> Path:
     path = Path(path)
     trials = _best_trials(build)
     settings = build.category.settings
+    with Renderer() as renderer:
+        registrations = [_registration(build.category, one, renderer) for one in build.registrations]
+        modes = _modes(build.category, renderer)
     page = render(
         "category.html",
         folder=Path(__file__).parent,
@@ -41,8 +47,8 @@ def category_page(build: CategoryBuild, path: str | Path) -> Path:
         taken=trials.get((settings.beta, settings.lam, settings.flexibility)),
         instance_colour=INSTANCE,
         model_colour=MODEL,
-        registrations=[_registration(build.category, one) for one in build.registrations],
-        modes=_modes(build.category),
+        registrations=registrations,
+        modes=modes,
     )
     write_whole(path, page.encode())
     return path
@@ -81,7 +87,7 @@ def _best_trials(build: CategoryBuild) -> dict:
     return dict(sorted(best.items()))
 
 
-def _registration(category: Category, one: Registration) -> dict:
+def _registration(category: Category, one: Registration, renderer: Renderer) -> dict:
     marks = ["test"] if one.test else []
     if one.status != "CONVERGED":
         marks.append("canonical model" if one.status == "IDENTITY" else one.status.lower().replace("_", " "))
@@ -90,7 +96,7 @@ def _registration(category: Category, one: Registration) -> dict:
         "marks": marks,
         "words": _registration_in_words(one),
         "warnings": one.warnings,
-        "tiles": _registration_tiles(category, one),
+        "tiles": _registration_tiles(category, one, renderer),
     }
 
 
@@ -102,7 +108,7 @@ def _registration_in_words(one: Registration) -> str:
     return "; ".join(words)
 
 
-def _registration_tiles(category: Category, one: Registration) -> list[Figure]:
+def _registration_tiles(category: Category, one: Registration, renderer: Renderer) -> list[Figure]:
     field, canonical = category.field(one.name), category.canonical
     model = category.shape_space.control_points
     extent = float(np.linalg.norm(np.maximum(one.extents, canonical.extents)))
@@ -111,15 +117,15 @@ def _registration_tiles(category: Category, one: Registration) -> list[Figure]:
     before = f"before: E {_e(one.before.error)}"
     after = f"after: E {_e(one.after.error)}, chamfer {1000 * one.after.chamfer:.2f} mm"
     tiles = [
-        (picture(category.instance_scene(one.name), SIDE, extent=extent), "instance"),
-        (picture(deformed, SIDE, extent=extent), "canonical, deformed"),
+        (_picture(category.instance_scene(one.name), renderer, extent), "instance"),
+        (_picture(deformed, renderer, extent), "canonical, deformed"),
         (scatter([(few, INSTANCE), (model, MODEL)], SIDE, extent=extent), before),
         (scatter([(few, INSTANCE), (field(model), MODEL)], SIDE, extent=extent), after),
     ]
     return [Figure(jpeg_uri(image), f"{one.name}: {caption}", caption) for image, caption in tiles]
 
 
-def _modes(category: Category) -> list[list[Figure]]:
+def _modes(category: Category, renderer: Renderer) -> list[list[Figure]]:
     """Pictures of the first modes, each from the lowest step to the highest."""
     space, canonical = category.shape_space, category.canonical
     modes = []
@@ -133,11 +139,17 @@ def _modes(category: Category) -> list[list[Figure]]:
         captions = [f"{step:+g} sd" if step else "mean" for step in STEPS]
         modes.append(
             [
-                Figure(jpeg_uri(picture(shape, SIDE, extent=extent)), f"mode {mode + 1}: {caption}", caption)
+                Figure(jpeg_uri(_picture(shape, renderer, extent)), f"mode {mode + 1}: {caption}", caption)
                 for shape, caption in zip(shapes, captions, strict=True)
             ]
         )
     return modes
+
+
+def _picture(
+    shape: trimesh.Trimesh | trimesh.Scene, renderer: Renderer, extent: float
+) -> UInt8[np.ndarray, "side side 3"]:
+    return portrait(shape, renderer, SIDE, extent=extent, ground=(255, 255, 255))
 
 
 def _deformed(mesh: trimesh.Trimesh, vertices) -> trimesh.Trimesh:

@@ -19,13 +19,15 @@ from grasptransfer.category.category import (
     load_scene,
 )
 from grasptransfer.category.settings import CategoryFile, Settings, Split, software_versions
+from grasptransfer.drawing.contact_sheet import portrait
+from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.sheet import encoded, sheet
 from grasptransfer.errors import CategoryError
 from grasptransfer.files import sha256, write_whole
 from grasptransfer.registration import ShapeSpace
 from grasptransfer.registration.storage import save_arrays
-from grasptransfer.workshop.building.pictures import picture, png, sheet
 
-TILE, COLUMNS = 150, 8
+TILE, COLUMNS, WHITE = 150, 8, (255, 255, 255)
 _UINT16, _UINT32 = 5123, 5125  # component types of glTF
 
 
@@ -123,15 +125,16 @@ def _put_in_place(staging: Path, folder: Path, replaced: Path) -> None:
 
 
 def _preview(staging: Path, split: Split) -> bytes:
-    tiles = [picture(load_scene(staging / CANONICAL), TILE)]
-    titles = ["canonical"]
+    captions, files = ["canonical"], [CANONICAL]
     for kind, names in (("train", split.train), ("test", split.test)):
-        for name in names:
-            scene = load_scene(staging / f"instances/{name}.glb")
-            size = " x ".join(f"{1000 * side:.0f}" for side in scene.extents)
-            tiles.append(picture(scene, TILE))
-            titles.append(f"{kind}: {size} mm")
-    return png(sheet(tiles, titles, COLUMNS))
+        captions += [kind] * len(names)
+        files += [f"instances/{name}.glb" for name in names]
+    scenes = [load_scene(staging / file) for file in files]
+    for number, scene in enumerate(scenes[1:], 1):
+        captions[number] += f": {' x '.join(f'{1000 * side:.0f}' for side in scene.extents)} mm"
+    with Renderer() as renderer:
+        tiles = [portrait(scene, renderer, TILE, ground=WHITE) for scene in scenes]
+    return encoded(sheet(tiles, COLUMNS, captions=captions))
 
 
 def glb_of(scene: trimesh.Scene | trimesh.Trimesh) -> bytes:

@@ -10,12 +10,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Float16, Float32, UInt8
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.boxes import Box, projected_box
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.frames import transform_points
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.network_input import view_from_object, zoom_for
 from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, OFFSET_UNIT
-from grasptransfer.perception.zoom import Box, centre_on_box, projected_box, zoom_camera
+from grasptransfer.perception.zoom import centre_on_box, zoom_camera
 from grasptransfer.workshop.training.scenes import (
     TRAINING_NOISE_SHARES,
     TRAINING_NOISES,

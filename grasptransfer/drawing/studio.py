@@ -10,11 +10,11 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.camera import Camera
+from grasptransfer.drawing.boxes import Box, projected_box, union
 from grasptransfer.drawing.lighting import Lighting
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import invert, transform_points
-from grasptransfer.perception.zoom import Box, projected_box, union
 
 Colour = tuple[int, int, int]
 
