@@ -15,7 +15,7 @@ import grasptransfer as gt
 from grasptransfer.annotator import Session
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import expand_symmetry, load_grasps
-from grasptransfer.report.grasp_pictures import PlacedGrasp
+from grasptransfer.report.grasp_pictures import GraspToDraw
 from grasptransfer.report.grasp_sheet import grasp_sheet
 
 FROM_ABOVE = np.diag([1.0, -1.0, -1.0])  # columns: closing along +x, y, approach along -z
@@ -47,7 +47,7 @@ def main():
     print(f"Saved {len(session.names)} grasp with its turns to {session.save()}")
 
     grasps = expand_symmetry(load_grasps(PATH, category=category))
-    drawn = [PlacedGrasp(g.name, g.canonical_from_gripper, gripper.approach_opening(g.width), True)
+    drawn = [GraspToDraw(g.name, g.canonical_from_gripper, gripper.approach_opening(g.width), True)
              for g in grasps]  # fmt: skip
     print(f"Look at {grasp_sheet('my_grasps.png', category.canonical, drawn, gripper)}")
 

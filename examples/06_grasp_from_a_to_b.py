@@ -21,7 +21,7 @@ from grasptransfer.grasping import (
     refine_grasps,
     warp_grasps,
 )
-from grasptransfer.report.grasp_pictures import PlacedGrasp
+from grasptransfer.report.grasp_pictures import GraspToDraw
 from grasptransfer.report.grasp_sheet import grasp_sheet
 
 CAMERA = gt.Camera.from_fov(640, 480, np.deg2rad(50))
@@ -57,7 +57,7 @@ def main():
     for name, grasp, mesh in (("a", on_a, a.mesh), ("b", on_b, world)):
         check = check_grasps([grasp], mesh, gripper)[0]
         print(f"on {name.upper()}: TCP at {grasp.object_from_gripper[:3, 3] * 1e3} mm: {check.reason}")
-        drawn = PlacedGrasp(f"on {name.upper()}", grasp.object_from_gripper, check.opening, check.usable)
+        drawn = GraspToDraw(f"on {name.upper()}", grasp.object_from_gripper, check.opening, check.usable)
         solid = a.mesh if name == "a" else b.mesh
         print(f"Look at {grasp_sheet(f'on_{name}.png', solid, [drawn], gripper)}")
     trial = gt.simulate([on_b], category.instance_mesh(second), gripper)[0]

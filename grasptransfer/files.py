@@ -16,8 +16,6 @@ from jaxtyping import Float
 
 from grasptransfer.errors import GraspTransferError, SettingsError
 
-MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")  # suffixes of mesh files that are read
-
 
 def sha256(path: Path) -> str:
     """Checksum of a file's bytes, hexadecimal."""

@@ -13,7 +13,7 @@ ROOMS = [
     {"errors"},
     {"files"},
     {"frames"},
-    {"picture_entries"},
+    {"yaml_models", "picture_entries"},
     {"camera"},
     {"pose_formats"},
     {"poses"},

@@ -128,7 +128,7 @@ def test_an_unknown_instance_lists_the_known_ones(boxes):
     ("key", "value", "problem"),
     [
         ("colour", "red", "not a known key"),
-        ("format_version", 7, "Input should be 1"),
+        ("format_version", 7, "must be 1"),
         ("frame", {"length_unit": "mm"}, "'m'"),
         ("split", {"canonical": "a", "train": ["a", "a"]}, "more than once"),
         ("name", "a/b", "pattern"),

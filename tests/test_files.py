@@ -1,9 +1,10 @@
 """Files are written whole or not at all."""
 
+import numpy as np
 import pytest
 
-from grasptransfer.errors import SettingsError
-from grasptransfer.files import replacing, sha256, write_whole
+from grasptransfer.errors import PoseError, SettingsError
+from grasptransfer.files import read_array, read_data, replacing, sha256, write_whole
 
 
 def test_a_file_that_fails_half_way_leaves_the_old_one_and_nothing_else(tmp_path):
@@ -59,3 +60,63 @@ def test_equal_bytes_have_equal_checksums(tmp_path):
     for name, content in (("a", b"1"), ("b", b"1"), ("c", b"2")):
         write_whole(tmp_path / name, content)
     assert sha256(tmp_path / "a") == sha256(tmp_path / "b") != sha256(tmp_path / "c")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("a: &x {k: 1}\nb: &y\n  <<: *x\n  k: 2\nc: {<<: *y}", {"a": {"k": 1}, "b": {"k": 2}, "c": {"k": 2}}),
+        ("1: a\nno: yes\n", {"1": "a", "no": "yes"}),
+        ("a: 6.9e2\nb: -5e-1\nc: 010\nd: .5", {"a": 690.0, "b": -0.5, "c": 10, "d": 0.5}),
+        ("a: 1:30\nb: 2026-01-01\nc: 1_000", {"a": "1:30", "b": "2026-01-01", "c": "1_000"}),
+        ("a: true\nb:\nc: null\nd: '5'", {"a": True, "b": None, "c": None, "d": "5"}),
+        ('{\n\t"a": [6.9e2, 1]\n}', {"a": [690.0, 1]}),
+        ("{a: 1, b: [2]}", {"a": 1, "b": [2]}),
+        ("a: 1\n---\n", {"a": 1}),
+        ("\ufeffa: 1", {"a": 1}),
+        (
+            "%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: 1\n   cols: 2\n   dt: d\n   data: [ 1., 2.e+00 ]\n",
+            {"K": {"rows": 1, "cols": 2, "dt": "d", "data": [1.0, 2.0]}},
+        ),
+    ],
+)
+def test_yaml_and_json_mean_what_people_who_write_them_mean(tmp_path, text, value):
+    (tmp_path / "a.yaml").write_text(text)
+    assert read_data(tmp_path / "a.yaml", error=PoseError) == value
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("a.yaml", "a: 1\nb: 2\na: 3", "line 3, column 1: key 'a' is given twice"),
+        ("a.json", '{"a": {"b": 1, "b": 2}}', "key 'b' is given twice"),
+        ("a.json", '{"a": 1,', "not valid JSON"),
+        ("a.yaml", "a:\n\tb: 1", "not by tabs"),
+        ("a.yaml", "a: 1\n---\nb: 2", "2 documents"),
+        ("a.yaml", "? [1, 2]\n: 3", "a key must be text"),
+        ("a.yaml", "a: !!python/object/apply:os.getcwd []", "not valid YAML"),
+        ("a.yaml", "a: \0", "not a text file"),
+        ("none.yaml", None, "does not exist"),
+    ],
+)
+def test_a_file_that_is_neither_is_explained_in_one_line(tmp_path, name, text, says):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(PoseError) as caught:
+        read_data(tmp_path / name, error=PoseError)
+    assert says in str(caught.value)
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_rows_of_numbers_are_an_array_and_other_text_is_none(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("# by numpy\n1.5e+00, 2\n\n3 4\n")
+    np.testing.assert_array_equal(read_array(path, error=PoseError), [[1.5, 2], [3, 4]])
+    path.write_text("a: 1")
+    assert read_array(path, error=PoseError) is None
+    np.save(tmp_path / "a.npy", np.eye(3))
+    np.testing.assert_array_equal(read_array(tmp_path / "a.npy", error=PoseError), np.eye(3))
+    np.save(tmp_path / "a.npy", np.array([{}], dtype=object), allow_pickle=True)
+    with pytest.raises(PoseError, match="npy"):
+        read_array(tmp_path / "a.npy", error=PoseError)

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -210,3 +211,59 @@ def test_turns_that_share_a_name_are_refused():
     symmetry = Symmetry(np.array([0, 0, 1.0]), np.zeros(3), degrees=(0, 360))
     with pytest.raises(GraspFileError, match="share a name"):
         expand_symmetry([Grasp("g", "g", np.eye(4), 0.02, symmetry=symmetry)])
+
+
+POSITION, ORIENTATION = "position: [0, 0.04, 0.05]", "orientation: {w: 0, xyz: [0.70710678, 0.70710678, 0]}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (ORIENTATION, "orientation: [0, 1, 0, 0]", "Write it as {w: 1, xyz: [0, 0, 0]}"),
+        (ORIENTATION, "orientation: {x: 1, y: 0, z: 0, w: 0}", "Write it as {w: 1, xyz: [0, 0, 0]}"),
+        (POSITION, "position: {x: 0, y: 0, z: 0}", "Write it as [0, 0, 0]"),
+        (POSITION, "position: [0, 0, 0,05]", "[0, 0, 0], with points in decimals"),
+        (POSITION, "position: [0, 0, yes]", "must be a number (got 'yes')"),
+        (POSITION, "position: [0, 0, true]", "must be a number (got True)"),
+        (POSITION, "position: [0, 0, '0.05']", "must be a number (got '0.05')"),
+        ("width: 0.004", "width: thin", "must be a number (got 'thin')"),
+        ("label: rim", "label: 12", "must be text"),
+        ("degrees: [0, 90, 180]", "samples: 2.5", "must be a whole number"),
+        ("axis: [0, 0, 1]", "flip: 1, axis: [0, 0, 1]", "must be true or false"),
+        (
+            POSITION,
+            "transform: [[1, 0, 0, 0]]",
+            "transform is not a known key. Write it as {position: [0, 0, 0]",
+        ),
+        ("    label", "    - label", "not valid YAML"),
+    ],
+)
+def test_a_value_of_the_wrong_form_is_answered_with_the_right_one(folder, old, new, says):
+    with pytest.raises(GraspFileError) as caught:
+        load_grasps(written(folder, FILE.replace(old, new, 1)))
+    text = str(caught.value)
+    assert says in text
+    for inner in ("Model", "instance", "tuple", "dictionary", "[key]", "Input"):
+        assert inner not in text.replace(str(folder), "")
+
+
+@pytest.mark.parametrize("entries", ["[{position: [0, 0, 0]}]", "{rim: }", "top"])
+def test_grasps_of_the_wrong_form_are_answered_with_the_right_one(folder, entries):
+    with pytest.raises(GraspFileError, match=r"Write it as \{.*position: \[0, 0, 0.*orientation: \{w: 1"):
+        load_grasps(written(folder, FILE.split("grasps:")[0] + f"grasps: {entries}"))
+
+
+def test_merge_keys_and_any_name_will_do(folder):
+    text = FILE.replace("  rim:", "  rim: &rim").replace("    label: rim\n", "")
+    text += "  no: {<<: *rim, confidence: 0.5}\n  1: {<<: *rim}\n"
+    grasps = load_grasps(written(folder, text))
+    assert [(grasp.name, grasp.confidence) for grasp in grasps] == [("rim", 0.9), ("no", 0.5), ("1", 0.9)]
+    again = save_grasps(grasps, folder / "again.yaml", category="mug")
+    assert [grasp.name for grasp in load_grasps(again)] == ["rim", "no", "1"]
+
+
+@pytest.mark.parametrize("label", ["1e3", "no", "12", "2026-01-01", "0x1f", "a: b"])
+def test_any_label_survives_writing_and_reading(folder, label):
+    grasp = replace(random_grasp(4, label), label=label)
+    (read,) = load_grasps(save_grasps([grasp], folder / "g.yaml", category="mug"))
+    assert (read.name, read.label) == (label, label)

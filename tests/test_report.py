@@ -85,7 +85,7 @@ def test_a_saved_result_can_be_read_back(result, tmp_path):
     assert [grasp.name for grasp in back.grasps] == [grasp.name for grasp in result.usable]
     for grasp, told in zip(result.usable, back.grasps, strict=True):
         # Files hold nine decimals.
-        np.testing.assert_allclose(told.canonical_from_gripper, grasp.object_from_gripper, atol=1e-8)
+        np.testing.assert_allclose(told.object_from_gripper, grasp.object_from_gripper, atol=1e-8)
     mesh = trimesh.load(folder / "reconstruction.glb", force="mesh", process=False)
     np.testing.assert_allclose(mesh.vertices, result.mesh.vertices, atol=1e-7)  # glTF is float32
     points = np.asarray(result.category.canonical.vertices)[::50]

@@ -14,7 +14,7 @@ from grasptransfer.category import Category, load_category
 from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import Gripper, load_gripper
-from grasptransfer.grasping.yaml_models import Quaternion, quaternion_of
+from grasptransfer.yaml_models import Quaternion, quaternion_of
 
 REFRESH = 0.05  # s between looks at what was dragged
 USABLE, REFUSED, HAND = (46, 160, 67), (214, 69, 48), (125, 131, 140)

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from grasptransfer.category.settings import FILE_NAME, CategoryFile, Settings
 from grasptransfer.errors import CategoryError
 from grasptransfer.files import sha256
+from grasptransfer.meshes import read_scene
 
 if TYPE_CHECKING:
     import trimesh
@@ -219,13 +220,7 @@ def load_scene(path: Path) -> "trimesh.Scene":
     Raises:
         CategoryError: unreadable, or without mesh.
     """
-    import trimesh
-
-    try:
-        # Unmerged vertices: seams, creases and the order of the vertices stay as written.
-        scene = trimesh.load_scene(path, process=False)
-    except (ValueError, KeyError, IndexError, TypeError, OSError) as cause:
-        raise CategoryError("is not a readable GLB file", path=path, fix=str(cause)) from cause
+    scene = read_scene(path, error=CategoryError)
     if not scene.geometry:
         raise CategoryError("holds no mesh", path=path)
     return scene

@@ -18,9 +18,9 @@ from grasptransfer.category.category import (
 from grasptransfer.category.settings import FILE_NAME
 from grasptransfer.errors import GraspFileError, GraspTransferError
 from grasptransfer.files import read_yaml
+from grasptransfer.meshes import LARGEST, SMALLEST
 
 CENTRE_TOLERANCE = 2e-3  # m: scans are centred by hand to about a millimetre
-SMALLEST, LARGEST = 0.005, 2.0  # m: longest side of anything a gripper handles
 FAR = 0.05  # of the canonical's size: control points lie on its surface, less half a voxel
 
 

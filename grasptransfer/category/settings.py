@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from grasptransfer.errors import CategoryError
 from grasptransfer.files import read_yaml, write_whole
+from grasptransfer.yaml_models import parse
 
 FILE_NAME = "category.yaml"
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # of a category: also a folder, and part of file names
@@ -108,14 +109,7 @@ class CategoryFile(_Strict):
         path = folder / FILE_NAME
         if not path.exists():
             raise CategoryError("is missing", path=path, fix="Is this a category folder?")
-        data = read_yaml(path, error=CategoryError)
-        try:
-            return CategoryFile.model_validate(data)
-        except ValidationError as cause:
-            first = cause.errors()[0]
-            key = ".".join(str(part) for part in first["loc"]) or None
-            problem = "is not a known key" if first["type"] == "extra_forbidden" else first["msg"]
-            raise CategoryError(problem, path=path, key=key, value=first["input"]) from cause
+        return parse(CategoryFile, read_yaml(path, error=CategoryError), path, error=CategoryError)
 
     def save(self, folder: Path) -> None:
         """Write `category.yaml`; write it last, since it vouches for the other files."""

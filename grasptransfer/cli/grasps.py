@@ -13,18 +13,23 @@ def convert(
     source: Positional[Annotated[Path, arg(metavar="IN")]],
     target: Positional[Annotated[Path, arg(metavar="OUT")]],
     *,
-    gripper: str = "panda",
+    gripper: str | None = None,
+    pose: Path | None = None,
 ) -> int:
     """Convert a grasp file: isaac_grasp YAML, ACRONYM h5, graspnetAPI npy, GraspGen JSON, by suffix.
 
     Args:
         source: file to read.
         target: file to write.
-        gripper: whose frames the foreign formats mean.
+        gripper: whose frames the foreign formats mean; default: the one that the file names, or panda.
+        pose: pose file of the object, to bring grasps of a camera's frame to the object's.
     """
     from grasptransfer.grasping.formats import convert as convert_file
+    from grasptransfer.poses import load_pose
 
-    console.print(f"{convert_file(source, target, gripper=gripper)} grasps: {target}", soft_wrap=True)
+    camera_from_object = None if pose is None else load_pose(pose)
+    count = convert_file(source, target, gripper=gripper, camera_from_object=camera_from_object)
+    console.print(f"{count} grasps: {target}", soft_wrap=True)
     return 0
 
 

@@ -93,7 +93,9 @@ def simulate(
     *,
     grasps: Path,
     mesh: Path,
-    gripper: str = "panda",
+    gripper: str | None = None,
+    pose: Path | None = None,
+    scale: float | None = None,
     protocol: str = "lift-shake-v1",
     trials: int = 1,
     workers: int = 1,
@@ -104,9 +106,11 @@ def simulate(
     """Execute grasps on a mesh in PyBullet.
 
     Args:
-        grasps: grasp file in any format `convert` reads, object frame.
-        mesh: the object, metres.
-        gripper: name, or YAML of your own.
+        grasps: grasp file in any format `convert` reads.
+        mesh: the object.
+        gripper: name, or YAML of your own; default: the one that the grasp file names, or panda.
+        pose: pose file of the object, for grasps that are in a camera's frame.
+        scale: metres in one unit of the mesh; default: what the grasp file says, else 1.
         protocol: named and versioned execution protocol.
         trials: perturbed trials of each grasp; 1 executes it exactly.
         workers: processes.
@@ -120,6 +124,8 @@ def simulate(
         grasps,
         mesh,
         gripper,
+        pose=pose,
+        scale=scale,
         protocol=protocol,
         trials=trials,
         workers=workers,

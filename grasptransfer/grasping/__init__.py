@@ -15,6 +15,7 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
+from grasptransfer.grasping.placed_grasp import PlacedGrasp
 from grasptransfer.grasping.placement import place_grasps
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.ranking import doubt_unlikely, rank_grasps
@@ -31,6 +32,7 @@ __all__ = [
     "GraspCheck",
     "GraspFile",
     "Gripper",
+    "PlacedGrasp",
     "PlausibleObjects",
     "Scene",
     "Surface",

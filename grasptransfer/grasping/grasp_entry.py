@@ -11,7 +11,7 @@ from grasptransfer.errors import GraspFileError, in_millimetres
 from grasptransfer.frames import rigid
 from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp, Symmetry
 from grasptransfer.grasping.gripper import Gripper
-from grasptransfer.grasping.yaml_models import (
+from grasptransfer.yaml_models import (
     Quaternion,
     Strict,
     check_unit_quaternion,

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from grasptransfer.errors import GraspFileError
 from grasptransfer.files import read_yaml, replacing
 from grasptransfer.grasping.grasp import Grasp, Symmetry, expand_symmetry
 from grasptransfer.grasping.grasp_entry import read_entry, write_entry
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
-from grasptransfer.grasping.yaml_models import Strict, dump_yaml, parse
+from grasptransfer.yaml_models import Strict, dump_yaml, parse
 
 if TYPE_CHECKING:
     from grasptransfer.category import Category
@@ -58,7 +59,9 @@ class _FileModel(Strict):
     object_frame: Literal["canonical"]
     gripper_frame: Literal["tcp"]
     grasptransfer: _BlockModel
-    grasps: dict[str, Any]
+    grasps: dict[str, Any] = Field(
+        examples=["{my_grasp: {position: [0, 0, 0.05], orientation: {w: 1, xyz: [0, 0, 0]}}}"]
+    )
 
 
 def load_grasps(path: str | Path, *, category: "Category | str | None" = None) -> tuple[Grasp, ...]:
@@ -107,7 +110,7 @@ def _measured(file: GraspFile, category: "Category", path: Path) -> tuple[Grasp,
     from grasptransfer.grasping.closing import close_pads
     from grasptransfer.grasping.surface import Surface
 
-    gripper = _gripper(file.gripper, path)
+    gripper = file_gripper(file.gripper, path)
     poses = np.stack([grasp.canonical_from_gripper for grasp in unknown])
     openings = np.array([_open(grasp, gripper) for grasp in unknown])
     closing = close_pads(Surface(category.canonical), poses, openings, gripper)
@@ -142,12 +145,17 @@ def read_grasp_file(path: str | Path) -> GraspFile:
     block = model.grasptransfer
     if not model.grasps:
         raise GraspFileError("holds no grasp", path=path, key="grasps")
-    gripper = _gripper(block.gripper, path)
+    gripper = file_gripper(block.gripper, path)
     grasps = tuple(read_entry(str(name), data, gripper, path) for name, data in model.grasps.items())
     return GraspFile(grasps, block.category, block.gripper, block.canonical_sha256)
 
 
-def _gripper(name: str, path: Path) -> Gripper:
+def file_gripper(name: str, path: Path) -> Gripper:
+    """The gripper that a grasp file names: a known one, or a YAML file beside the grasp file.
+
+    Raises:
+        GraspFileError: neither.
+    """
     if name in list_grippers():
         return load_gripper(name)
     beside = path.parent / name

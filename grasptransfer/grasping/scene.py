@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.errors import MeshError, PoseError, SceneError, in_millimetres
+from grasptransfer.errors import PoseError, SceneError, in_millimetres
 from grasptransfer.files import read_yaml
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping.surface import LARGEST_EXTENT
-from grasptransfer.grasping.yaml_models import Strict, parse
+from grasptransfer.meshes import load_mesh
+from grasptransfer.yaml_models import Strict, parse
 
 if TYPE_CHECKING:
     import trimesh
@@ -119,12 +120,4 @@ def _mesh(name: str, model: _ObstacleModel, path: Path) -> "trimesh.Trimesh":
             raise SceneError("must be positive", path=path, key=f"{key}.box", value=list(model.box))
         return trimesh.creation.box(extents=model.box)
     file = path.parent / str(model.mesh)
-    if not file.is_file():
-        raise SceneError("mesh file not found", path=path, key=f"{key}.mesh", value=model.mesh)
-    try:
-        mesh = trimesh.load_mesh(file)
-    except (ValueError, KeyError, IndexError, TypeError, OSError, NotImplementedError) as error:
-        raise SceneError(f"mesh cannot be read: {error}", path=file, key=f"{key}.mesh") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise MeshError("has no triangles", path=file, key=f"{key}.mesh")
-    return mesh
+    return load_mesh(file, largest=LARGEST_EXTENT, sheets=True, error=SceneError, key=f"{key}.mesh")

@@ -9,10 +9,11 @@ import numpy as np
 from rich.table import Table
 
 from grasptransfer.errors import GraspFileError
-from grasptransfer.grasping import load_gripper
 from grasptransfer.grasping.formats import read_grasps
+from grasptransfer.meshes import SMALLEST, in_metres, read_mesh
+from grasptransfer.poses import load_pose
 from grasptransfer.report.result_files import check_folder
-from grasptransfer.report.transfer_files import FRAMES_PER_SECOND, load_mesh
+from grasptransfer.report.transfer_files import FRAMES_PER_SECOND
 
 if TYPE_CHECKING:
     from grasptransfer.simulation import TrialResult
@@ -21,8 +22,10 @@ if TYPE_CHECKING:
 def run_simulation(
     grasps: Path,
     mesh: Path,
-    gripper: str = "panda",
+    gripper: str | None = None,
     *,
+    pose: Path | None = None,
+    scale: float | None = None,
     protocol: str = "lift-shake-v1",
     trials: int = 1,
     workers: int = 1,
@@ -34,8 +37,10 @@ def run_simulation(
 
     Args:
         grasps: file in any format `convert` reads; poses in the mesh's frame.
-        mesh: of the object [m].
-        gripper: name, or path of a YAML file.
+        mesh: of the object.
+        gripper: name, or path of a YAML file; None: the one that the grasp file names, or the Panda.
+        pose: file with the object's pose, for grasps in a camera's frame.
+        scale: metres in one unit of the mesh; None: as the grasp file says, else 1.
         protocol: by name.
         trials: of each grasp; 1 executes it exactly, more are perturbed.
         workers: processes.
@@ -50,12 +55,17 @@ def run_simulation(
 
     if movies is not None:
         check_folder(movies, "movies")
-    hand, solid = load_gripper(gripper), load_mesh(mesh)
-    found = read_grasps(grasps, gripper=hand).grasps
-    if not found:
-        raise GraspFileError("holds no grasp", path=grasps)
+    read = read_mesh(mesh)
+    found = read_grasps(grasps, gripper=gripper)
+    try:
+        found = found.in_object_frame(None if pose is None else load_pose(pose))
+    except GraspFileError as error:
+        raise error.at(grasps) from error
+    hand = found.gripper
+    assert hand is not None  # every file is read for one
+    solid = in_metres(read, mesh, scale=found.object_scale if scale is None else scale, smallest=SMALLEST)
     outcomes = simulate(
-        found,
+        found.grasps,
         solid,
         hand,
         protocol=protocol,

@@ -53,7 +53,7 @@ class PaintedGripper:
 
 @runtime_checkable
 class DrawnGrasp(Protocol):
-    """What is asked of a grasp to draw it: a `TransferredGrasp`, or a `PlacedGrasp`."""
+    """What is asked of a grasp to draw it: a `TransferredGrasp`, or a `GraspToDraw`."""
 
     @property
     def name(self) -> str:
@@ -77,7 +77,7 @@ class DrawnGrasp(Protocol):
 
 
 @dataclass(frozen=True)
-class PlacedGrasp:
+class GraspToDraw:
     """A grasp to draw that comes from no transfer; see `DrawnGrasp`."""
 
     name: str

@@ -34,7 +34,7 @@ def grasp_sheet(
     Args:
         path: PNG or JPEG to write.
         mesh: the object, object frame [m].
-        grasps: of a transfer, or `PlacedGrasp`s.
+        grasps: of a transfer, or `GraspToDraw`s.
         gripper: drawn opened as it arrives.
         scene: what stands around the object, camera frame.
         camera_from_object: (4, 4) where the object was seen from [m]; None: no photograph.

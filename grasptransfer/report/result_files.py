@@ -15,7 +15,7 @@ import yaml
 import grasptransfer
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import write_whole, writing
-from grasptransfer.grasping import Grasp
+from grasptransfer.grasping import PlacedGrasp
 from grasptransfer.grasping.formats import GraspSet, isaac_grasp
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def write_isaac_grasp(result: "TransferResult", path: Path) -> Path:
     """Write the usable grasps, best first, as isaac_grasp YAML: object frame, TCP, score as confidence."""
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        grasps = tuple(_as_grasp(grasp) for grasp in result.usable)
+        grasps = tuple(_placed(grasp) for grasp in result.usable)
         isaac_grasp.write(GraspSet(grasps, object_frame="object"), path, result.gripper)
     return path
 
@@ -119,11 +119,11 @@ def _grasp_data(grasp: "TransferredGrasp") -> dict:
     }
 
 
-def _as_grasp(grasp: "TransferredGrasp") -> Grasp:
-    return Grasp(
+def _placed(grasp: "TransferredGrasp") -> PlacedGrasp:
+    return PlacedGrasp(
         name=grasp.name,
         label=grasp.label,
-        canonical_from_gripper=grasp.object_from_gripper,
+        object_from_gripper=grasp.object_from_gripper,
         width=grasp.width,
         approach_distance=grasp.approach_distance,
         contacts=grasp.contacts,

@@ -14,10 +14,11 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 from grasptransfer.camera import Camera
-from grasptransfer.errors import ImageError, MeshError, SettingsError
-from grasptransfer.files import MESHES, write_whole, writing
+from grasptransfer.errors import ImageError, SettingsError
+from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
+from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.observation import read_image
 from grasptransfer.poses import load_pose
 from grasptransfer.report.page import headline, write_page
@@ -34,8 +35,6 @@ PROTOCOL = "lift-shake-v1"
 EXECUTED = 5  # usable grasps, the best of each label
 EXECUTED_WHY = "The best usable grasp of each label was executed: one at each place that was annotated."
 FRAMES_PER_SECOND = 10.0
-LARGEST_EXTENT = 3.0  # m; a mesh beyond it was given in millimetres
-FLAT = 1e-4  # m; what is thinner encloses nothing
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def run_transfer(
     check_folder(out, "out")
     if mask is not None and box is not None:
         raise SettingsError("tells again what the mask tells", key="box", value=box, fix="Give one of them")
-    pixels, told = read_image(image), load_pose(pose)
+    pixels, told = read_image(image), load_pose(pose, image=image)
     seen = {
         "camera": None if camera is None else Camera.load(camera),
         "mask": box if mask is None else load_mask(mask),
@@ -220,30 +219,3 @@ def _opened(path: Path) -> Image.Image:
     except (OSError, ValueError) as error:
         raise ImageError(f"cannot be read as a picture: {error}", path=path) from error
     return picture
-
-
-def load_mesh(path: Path) -> trimesh.Trimesh:
-    """A mesh file as one mesh, metres.
-
-    Raises:
-        MeshError: missing, unreadable, empty, flat or in millimetres.
-    """
-    if not Path(path).is_file():
-        raise MeshError("is a folder" if Path(path).is_dir() else "does not exist", path=path)
-    try:
-        mesh = trimesh.load_scene(path, process=False).to_geometry()
-    except NotImplementedError as error:
-        suffix = Path(path).suffix
-        raise MeshError("has a suffix that names no mesh", path=path, value=suffix, choices=MESHES) from error
-    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
-        raise MeshError(f"cannot be read: {error}", path=path) from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise MeshError("has no triangles", path=path)
-    if not np.isfinite(mesh.vertices).all():
-        raise MeshError("has vertices that are NaN or infinite", path=path)
-    if mesh.extents.min() < FLAT:
-        raise MeshError("is flat: it encloses nothing", path=path, value=mesh.extents.tolist())
-    if mesh.extents.max() > LARGEST_EXTENT:
-        size = float(np.max(mesh.extents))
-        raise MeshError("is not in metres", path=path, value=f"{size:g} long", fix="Scale it to metres")
-    return mesh

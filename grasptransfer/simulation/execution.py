@@ -3,16 +3,17 @@
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.errors import GraspFileError, SettingsError, check_seed
-from grasptransfer.frames import check_rigid, rigid
-from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE
+from grasptransfer.frames import rigid
+from grasptransfer.grasping.grasp import Grasp
 from grasptransfer.grasping.gripper import Gripper, load_gripper
+from grasptransfer.grasping.placed_grasp import Executable, PlacedGrasp, placed
 from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.hand import hand_of
 from grasptransfer.simulation.ledger import Ledger, read_results
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    grasps: Sequence[Any],
+    grasps: Sequence[PlacedGrasp | Grasp | Executable | np.ndarray],
     mesh: "trimesh.Trimesh | trimesh.Scene",
     gripper: str | Path | Gripper = "panda",
     protocol: str | Protocol = "lift-shake-v1",
@@ -48,9 +49,8 @@ def simulate(
     and number of workers.
 
     Args:
-        grasps: each with `object_from_gripper` (4, 4) [m] (or `canonical_from_gripper`, on the canonical
-            model itself), `name`, `width` [m], and optionally `opening` [m] and `approach_distance` [m];
-            or a bare (4, 4) array, approached fully open.
+        grasps: `PlacedGrasp`s; transferred or warped ones; annotated ones, on the canonical model itself; or
+            bare (4, 4) arrays `object_from_gripper` [m], approached fully open.
         mesh: the object, object frame [m], z up as it stands.
         gripper: a name, a YAML file, or a loaded one.
         protocol: a name, or a protocol of your own.
@@ -125,7 +125,7 @@ def _run(
 
 
 def make_jobs(
-    grasps: Sequence[Any],
+    grasps: Sequence[PlacedGrasp | Grasp | Executable | np.ndarray],
     gripper: Gripper,
     protocol: Protocol,
     *,
@@ -137,11 +137,14 @@ def make_jobs(
 ) -> list[Job]:
     """Every trial of every grasp, with its errors drawn from the seed, the grasp's name and the trial."""
     jobs, names = [], set()
-    for i, grasp in enumerate(grasps):
-        name, pose, width, opening, approach = _read_grasp(grasp, i, gripper)
+    for i, given in enumerate(grasps):
+        grasp = placed(given, i)
+        name, pose = grasp.name, grasp.object_from_gripper
         if name in names:
             raise GraspFileError("two grasps share a name", key="grasps", value=name)
         names.add(name)
+        width = None if grasp.width is None else float(grasp.width)
+        opening, approach = _on_the_way_in(grasp, gripper), float(grasp.approach_distance)
         for trial in range(trials):
             moved, rubbed = pose, friction
             if perturb is not None:
@@ -167,28 +170,23 @@ def perturbed(
     return object_from_tcp @ rigid(turn, shift), max(friction * (1 + share), 0.0)
 
 
-def _read_grasp(grasp: Any, index: int, gripper: Gripper):
-    """Name, pose [m], width [m] or None, opening [m], approach distance [m]."""
-    if isinstance(grasp, np.ndarray):
-        name, pose, width, opening, approach = f"grasp_{index}", grasp, None, None, None
-    else:
-        name = str(getattr(grasp, "name", f"grasp_{index}"))
-        pose = getattr(grasp, "object_from_gripper", None)
-        pose = getattr(grasp, "canonical_from_gripper", None) if pose is None else pose
-        width, opening = getattr(grasp, "width", None), getattr(grasp, "opening", None)
-        approach = getattr(grasp, "approach_distance", None)
-    if pose is None:
-        raise GraspFileError("has no pose object_from_gripper", key=name, value=type(grasp).__name__)
-    pose = check_rigid(pose, f"{name}: object_from_gripper")
+def _on_the_way_in(grasp: PlacedGrasp, gripper: Gripper) -> float:
+    """Distance between the pads on the way in [m]; refuses lengths that are none in metres.
+
+    Raises:
+        GraspFileError: width, opening or approach distance beyond a metre, negative or not finite.
+    """
+    opening, width = grasp.opening, grasp.width
     if opening is None:
         opening = gripper.max_width if width is None else gripper.approach_opening(float(width))
-    numbers = {"opening": opening, "width": width, "approach_distance": approach}
-    for key, value in numbers.items():
+    for key, value in (
+        ("opening", opening),
+        ("width", width),
+        ("approach_distance", grasp.approach_distance),
+    ):
         if value is not None and not (np.isfinite(value) and 0 <= value <= 1):
-            raise GraspFileError("must be a length in metres", key=f"{name}.{key}", value=value)
-    opening = float(np.clip(opening, *gripper.opening))
-    approach = DEFAULT_APPROACH_DISTANCE if approach is None else float(approach)
-    return name, pose, None if width is None else float(width), opening, approach
+            raise GraspFileError("must be a length in metres", key=f"{grasp.name}.{key}", value=value)
+    return float(np.clip(opening, *gripper.opening))
 
 
 def _check_numbers(trials: int, workers: int, frames: float | None, friction: float | None) -> None:

@@ -19,6 +19,9 @@ from jaxtyping import Float, Int
 
 from grasptransfer.errors import MeshError
 from grasptransfer.files import replacing
+from grasptransfer.frames import LARGEST_TRANSLATION
+from grasptransfer.meshes import check_precision
+from grasptransfer.solids.bodies import Surface, split_bodies
 from grasptransfer.solids.reduced_hull import reduced_hull
 
 if TYPE_CHECKING:
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
     import trimesh
 
 LOG = logging.getLogger(__name__)
-VERSION = 2  # of the cached files: raise it when the parts of the same mesh change
+VERSION = 3  # of the cached files: raise it when the parts of the same mesh change
 LARGEST_OBJECT = 2.0  # m; beyond it a mesh is in millimetres
 SMALLEST_PART = 1e-10  # m3, a cube of half a millimetre: what remains of a cut
 
@@ -107,23 +110,22 @@ def decompose(
 def checked_geometry(
     mesh: "trimesh.Trimesh | trimesh.Scene",
 ) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
-    """Vertices [m] and faces, welded over texture seams.
+    """Vertices [m] and faces as the mesh has them.
 
     Raises:
-        MeshError: no faces, not finite, flat, or not in metres.
+        MeshError: no faces, not finite, flat, too coarse, or not in metres.
     """
     import trimesh
 
     whole = mesh.to_geometry() if isinstance(mesh, trimesh.Scene) else mesh
     if not isinstance(whole, trimesh.Trimesh) or len(whole.faces) == 0:
         raise MeshError("has no triangles", key="mesh")
-    plain = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
-    if not np.isfinite(plain.vertices).all():
+    vertices, faces = np.array(whole.vertices, float), np.array(whole.faces, np.int64)
+    corners = vertices[np.unique(faces)]
+    if not np.isfinite(corners).all():
         raise MeshError("holds NaN or infinity", key="mesh")
-    plain.merge_vertices()
-    plain.update_faces(plain.nondegenerate_faces())
-    plain.remove_unreferenced_vertices()
-    extents = plain.extents if len(plain.faces) else np.zeros(3)
+    check_precision(corners, key="mesh")
+    extents = np.ptp(corners, axis=0)
     if extents.max() > LARGEST_OBJECT:
         raise MeshError(
             "is too large for an object in metres",
@@ -133,7 +135,12 @@ def checked_geometry(
         )
     if extents.min() < 1e-4:
         raise MeshError("is flat: it encloses nothing", key="mesh", value=extents.tolist())
-    return np.ascontiguousarray(plain.vertices, float), np.ascontiguousarray(plain.faces, np.int64)
+    away = float(np.linalg.norm((corners.min(0) + corners.max(0)) / 2))
+    if away > LARGEST_TRANSLATION:
+        raise MeshError(
+            "lies farther from its origin than any grasp", key="mesh", value=f"{away:.6g} m", fix="Move both"
+        )
+    return vertices, faces
 
 
 def _decompose(
@@ -141,36 +148,41 @@ def _decompose(
 ) -> Decomposition:
     import manifold3d
 
-    pieces = _watertight_pieces(vertices, faces)
-    if pieces is None:
+    solids, left = _solids(vertices, faces)
+    parts = [part for solid in solids for part in _convex_parts(solid, settings)]
+    if left is not None:
         LOG.warning("the mesh is not watertight: mass and inertia are those of its convex parts")
-        parts = _coacd(vertices, faces, settings, watertight=False)
-        solid = _union([manifold3d.Manifold.hull_points(part) for part in parts])
-    else:
-        parts = [part for piece in pieces for part in _convex_parts(piece, settings)]
-        solid = _union(pieces)
+        hulls = _coacd(*left, settings, watertight=False)
+        parts += hulls
+        solids += [manifold3d.Manifold.hull_points(part) for part in hulls]
+    solid = _union(solids)
     if solid.volume() < SMALLEST_PART:
         raise MeshError("encloses no volume", key="mesh")
     centre, inertia = _moments(solid)
-    return Decomposition(tuple(parts), float(solid.volume()), centre, inertia, pieces is not None)
+    return Decomposition(tuple(parts), float(solid.volume()), centre, inertia, left is None)
 
 
-def _watertight_pieces(
+def _solids(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
-) -> "list[manifold3d.Manifold] | None":
-    """Connected solids, cavities cut out; None where the surface has holes or branches."""
+) -> "tuple[list[manifold3d.Manifold], Surface | None]":
+    """The closed bodies of a surface, cavities cut out, and what belongs to none of them."""
     import trimesh
 
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    groups = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(faces)))
-    found = [_manifold(vertices, faces[group]) for group in groups]
-    surfaces = [surface for surface in found if surface is not None]
-    if len(surfaces) < len(found):
-        return None
+    welded = trimesh.Trimesh(vertices, faces, process=False)
+    welded.merge_vertices()
+    bodies = split_bodies(np.asarray(welded.vertices), np.asarray(welded.faces, np.int64), faces)
+    surfaces = [surface for body in bodies.closed if (surface := _manifold(*body)) is not None]
+    if len(surfaces) < len(bodies.closed):
+        return [], (np.asarray(welded.vertices), np.asarray(welded.faces, np.int64))
+    return _with_cavities(surfaces), bodies.left
+
+
+def _with_cavities(surfaces: "list[manifold3d.Manifold]") -> "list[manifold3d.Manifold]":
+    """Solids of closed surfaces; one that is turned inwards bounds a cavity, or is just inside out."""
     solids = [surface for surface in surfaces if surface.volume() > SMALLEST_PART]
     inverted = [_reversed(surface) for surface in surfaces if surface.volume() < -SMALLEST_PART]
     if not solids:  # the whole mesh is inside out
-        return inverted or None
+        return inverted
     for hole in inverted:
         # A surface turned inwards bounds a cavity if something is around it, and else is just inside out.
         around = [i for i, solid in enumerate(solids) if (hole - solid).volume() < 0.5 * hole.volume()]
@@ -186,9 +198,7 @@ def _manifold(
 ) -> "manifold3d.Manifold | None":
     import manifold3d
 
-    used, local = np.unique(faces, return_inverse=True)
-    mesh = manifold3d.Mesh64(vertices[used], local.reshape(-1, 3).astype(np.uint64))
-    solid = manifold3d.Manifold(mesh)
+    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
     return solid if solid.status() == manifold3d.Error.NoError else None
 
 

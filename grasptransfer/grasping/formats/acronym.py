@@ -1,21 +1,40 @@
 """ACRONYM h5: poses of the gripper base with the TCP's axes, a flag for each, and the scaled mesh."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grasptransfer.errors import GraspFileError
 from grasptransfer.files import replacing
 from grasptransfer.frames import invert
-from grasptransfer.grasping.formats.grasp_set import GraspSet, base_from_tcp, numbered, rigid_poses, stacked
+from grasptransfer.grasping.formats.grasp_set import (
+    OBJECT,
+    GraspSet,
+    base_from_tcp,
+    confidences_of,
+    numbered,
+    rigid_poses,
+    scale_of,
+    stacked,
+)
+from grasptransfer.grasping.formats.hand_of_file import choose_gripper
 from grasptransfer.grasping.gripper import Gripper
+
+if TYPE_CHECKING:
+    import h5py
 
 TRANSFORMS = "grasps/transforms"
 FLAGS = "grasps/qualities/flex/object_in_gripper"
+GRIPPER, SCALE = "gripper/type", "object/scale"
 
 
-def read(path: Path, gripper: Gripper) -> GraspSet:
-    """Read an ACRONYM file; its flags become confidences of 0 and 1."""
+def read(path: Path, given: Gripper | None) -> GraspSet:
+    """Read an ACRONYM file; its flags become confidences of 0 and 1.
+
+    Args:
+        given: gripper to read it for; None: the one that the file names.
+    """
     import h5py
 
     try:
@@ -31,22 +50,36 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
             raise GraspFileError(
                 f"must hold one flag for each of {len(poses)} grasps", path=path, key=FLAGS, value=flags.shape
             )
-        name = np.asarray(file["object/file"]).item() if "object/file" in file else None
-        scale = float(np.asarray(file["object/scale"]).item()) if "object/scale" in file else 1.0
-    name = name.decode() if isinstance(name, bytes) else name
-    grasps = numbered(poses @ base_from_tcp(gripper), np.clip(flags.astype(float), 0, 1), [None] * len(poses))
-    return GraspSet(grasps, "object", None if name is None else str(name), scale)
+        name, scale = _text(file, "object/file"), _scale(file, path)
+        gripper = choose_gripper(given, _text(file, GRIPPER), path, GRIPPER)
+    confidences = confidences_of(flags, path, FLAGS)
+    grasps = numbered(poses @ base_from_tcp(gripper), confidences, [None] * len(poses))
+    return GraspSet(grasps, OBJECT, name, scale, gripper)
+
+
+def _text(file: "h5py.File", key: str) -> str | None:
+    if key not in file:
+        return None
+    value = np.asarray(file[key]).item()
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def _scale(file: "h5py.File", path: Path) -> float:
+    if SCALE not in file:
+        return 1.0
+    value = np.asarray(file[SCALE])
+    return scale_of(value.item() if value.size == 1 else value.tolist(), path, SCALE)
 
 
 def write(grasp_set: GraspSet, path: Path, gripper: Gripper) -> None:
     """Write an ACRONYM file; a confidence of at least one half becomes a flag of 1."""
     import h5py
 
-    poses = stacked(grasp_set.grasps) @ invert(base_from_tcp(gripper))
+    poses = stacked(grasp_set, path) @ invert(base_from_tcp(gripper))
     flags = np.array([grasp.confidence >= 0.5 for grasp in grasp_set.grasps], dtype=np.int64)
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         file[TRANSFORMS], file[FLAGS] = poses, flags
-        file["gripper/type"] = gripper.name
-        file["object/scale"] = float(grasp_set.object_scale)
+        file[GRIPPER] = gripper.name
+        file[SCALE] = float(grasp_set.object_scale)
         if grasp_set.object_file is not None:
             file["object/file"] = grasp_set.object_file

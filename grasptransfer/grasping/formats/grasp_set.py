@@ -8,34 +8,81 @@
 | graspnetAPI | +x approach, +y closing | grasp centre, finger tips `depth` ahead |
 """
 
+import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Shaped
 
 from grasptransfer.errors import GraspFileError, PoseError
-from grasptransfer.frames import check_rigid
-from grasptransfer.grasping.grasp import Grasp
+from grasptransfer.frames import check_rigid, invert
 from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.placed_grasp import PlacedGrasp
+
+LOG = logging.getLogger(__name__)
+OBJECT, CAMERA, CANONICAL = "object", "camera", "canonical"
 
 
 @dataclass(frozen=True)
 class GraspSet:
-    """Grasps of one object, in that object's frame.
+    """Grasps of one object.
 
     Args:
-        grasps: TCP poses in the object's frame; `canonical_from_gripper` means `object_from_gripper` here.
-        object_frame: name of that frame.
+        grasps: in `object_frame`.
+        object_frame: the frame they are in: the object's, by the name in the file, or "camera".
         object_file: mesh the grasps belong to, where the file says so.
-        object_scale: factor from that mesh to metres.
+        object_scale: factor from that mesh to metres; the grasps are in metres.
+        gripper: whose TCP poses they are; None where they come from no file.
+
+    Raises:
+        GraspFileError: a scale of 0 or below.
     """
 
-    grasps: tuple[Grasp, ...]
-    object_frame: str = "object"
+    grasps: tuple[PlacedGrasp, ...]
+    object_frame: str = OBJECT
     object_file: str | None = None
     object_scale: float = 1.0
+    gripper: Gripper | None = None
+
+    def __post_init__(self):
+        if not (np.isfinite(self.object_scale) and self.object_scale > 0):
+            raise GraspFileError("must be above 0", key="object_scale", value=self.object_scale)
+
+    @property
+    def in_camera_frame(self) -> bool:
+        """Whether the poses belong to a picture, and to a mesh only by the object's pose in it."""
+        return CAMERA in self.object_frame.lower()
+
+    def in_object_frame(self, camera_from_object: Float[np.ndarray, "4 4"] | None) -> "GraspSet":
+        """The same grasps in the frame of the object.
+
+        Args:
+            camera_from_object: (4, 4) where the object stood [m]; asked only of grasps in a camera's frame.
+
+        Raises:
+            GraspFileError: the pose is wanted and missing, or given where nothing is in a camera's frame.
+        """
+        if not self.in_camera_frame:
+            if camera_from_object is not None:
+                raise GraspFileError(
+                    "belongs to grasps in a camera's frame", key="pose", value=self.object_frame
+                )
+            return self
+        if camera_from_object is None:
+            raise GraspFileError(
+                "grasps are in a camera's frame, not in the object's",
+                key="object_frame",
+                value=self.object_frame,
+                fix="Give the object's pose in the picture: --pose FILE; the identity if they are its own",
+            )
+        object_from_camera = invert(camera_from_object)
+        moved = tuple(
+            replace(grasp, object_from_gripper=object_from_camera @ grasp.object_from_gripper)
+            for grasp in self.grasps
+        )
+        return replace(self, grasps=moved, object_frame=OBJECT)
 
 
 def base_from_tcp(gripper: Gripper) -> Float[np.ndarray, "4 4"]:
@@ -68,18 +115,54 @@ def rigid_poses(values: object, path: Path, key: str) -> Float[np.ndarray, "g 4 
     return np.stack(checked)
 
 
+def confidences_of(scores: Shaped[np.ndarray, "g"], path: Path, key: str) -> Float[np.ndarray, "g"]:
+    """Scores as confidences of 0 to 1; what goes beyond is squeezed evenly, which keeps their order.
+
+    Raises:
+        GraspFileError: not finite.
+    """
+    scores = np.asarray(scores, float)
+    if not np.isfinite(scores).all():
+        raise GraspFileError("must be finite", path=path, key=key)
+    low, high = min(0.0, float(scores.min(initial=0))), max(1.0, float(scores.max(initial=1)))
+    if (low, high) != (0.0, 1.0):
+        LOG.warning("%s: scores of %g to %g were scaled to 0 to 1, in their order.", path, low, high)
+    return (scores - low) / (high - low)
+
+
+def scale_of(value: object, path: Path, key: str) -> float:
+    """Factor from the object's mesh to metres.
+
+    Raises:
+        GraspFileError: no number above 0.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+        raise GraspFileError("must be a number", path=path, key=key, value=value)
+    if value <= 0:
+        raise GraspFileError("must be above 0", path=path, key=key, value=value)
+    return float(value)
+
+
 def numbered(
     poses: Float[np.ndarray, "g 4 4"],
-    confidences: Float[np.ndarray, "g"] | Bool[np.ndarray, "g"],
+    confidences: Float[np.ndarray, "g"],
     widths: Sequence[float | None],
-) -> tuple[Grasp, ...]:
+) -> tuple[PlacedGrasp, ...]:
     """Grasps of a format without names: `grasp_0`, `grasp_1`, ..."""
     return tuple(
-        Grasp(f"grasp_{i}", "grasp", pose, width, confidence=float(confidence))
+        PlacedGrasp(f"grasp_{i}", "grasp", pose, width, confidence=float(confidence))
         for i, (pose, confidence, width) in enumerate(zip(poses, confidences, widths, strict=True))
     )
 
 
-def stacked(grasps: tuple[Grasp, ...]) -> Float[np.ndarray, "g 4 4"]:
-    """Their TCP poses."""
-    return np.stack([grasp.canonical_from_gripper for grasp in grasps])
+def stacked(grasp_set: GraspSet, path: Path) -> Float[np.ndarray, "g 4 4"]:
+    """TCP poses in the object's frame, for a file that has no place for another frame.
+
+    Raises:
+        GraspFileError: they are in a camera's frame.
+    """
+    try:
+        grasps = grasp_set.in_object_frame(None).grasps
+    except GraspFileError as error:
+        raise error.at(path) from error
+    return np.stack([grasp.object_from_gripper for grasp in grasps])

@@ -4,15 +4,25 @@ R's columns are approach, closing and their cross product. The origin is the gra
 finger tips reach `depth` past it; here the tips decide where the TCP lies.
 """
 
+import logging
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from grasptransfer.errors import GraspFileError
 from grasptransfer.files import replacing
-from grasptransfer.grasping.formats.grasp_set import GraspSet, numbered, rigid_poses, stacked
+from grasptransfer.grasping.formats.grasp_set import (
+    CAMERA,
+    GraspSet,
+    confidences_of,
+    numbered,
+    rigid_poses,
+)
+from grasptransfer.grasping.formats.hand_of_file import choose_gripper
 from grasptransfer.grasping.gripper import Gripper
 
+LOG = logging.getLogger(__name__)
 COLUMNS = 17
 # Our axes (x closing, y, z approach) as columns of graspnetAPI's (x approach, y closing, z).
 GRASPNET_FROM_TCP = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
@@ -24,8 +34,12 @@ def tip_distance(gripper: Gripper) -> float:
     return float(max(meshes[pad.link].bounds[1, 2] for pad in gripper.pads))
 
 
-def read(path: Path, gripper: Gripper) -> GraspSet:
-    """Read a graspnetAPI array; poses stay in the frame the array is in, usually the camera's."""
+def read(path: Path, given: Gripper | None) -> GraspSet:
+    """Read a graspnetAPI array; it names no frame, which is the camera's of the picture it was found in.
+
+    Args:
+        given: gripper to read it for; None: the Panda.
+    """
     try:
         rows = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
@@ -34,19 +48,38 @@ def read(path: Path, gripper: Gripper) -> GraspSet:
         raise GraspFileError(
             f"must be of shape (n, {COLUMNS})", path=path, value=getattr(rows, "shape", type(rows))
         )
-    rows = rows.astype(float)
+    if not len(rows):
+        raise GraspFileError("holds no grasp", path=path)
+    rows, gripper = _of_one_object(rows.astype(float), path), choose_gripper(given, None, path, "gripper")
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rows[:, 4:13].reshape(-1, 3, 3), rows[:, 13:16]
     poses = rigid_poses(poses, path, "grasps")
     beyond = rows[:, 3] - tip_distance(gripper)
     poses[:, :3, 3] += poses[:, :3, 0] * beyond[:, None]
     poses[:, :3, :3] = poses[:, :3, :3] @ GRASPNET_FROM_TCP
-    return GraspSet(numbered(poses, np.clip(rows[:, 0], 0, 1), rows[:, 1].tolist()), "camera")
+    confidences = confidences_of(rows[:, 0], path, "score")
+    return GraspSet(numbered(poses, confidences, rows[:, 1].tolist()), CAMERA, gripper=gripper)
+
+
+def _of_one_object(rows: Float[np.ndarray, "g 17"], path: Path) -> Float[np.ndarray, "g 17"]:
+    """The rows, refused where they belong to several objects: a mesh or a pose belongs to one of them."""
+    ids = np.unique(rows[:, 16])
+    if len(ids) > 1:
+        raise GraspFileError(
+            f"holds grasps of {len(ids)} objects",
+            path=path,
+            key="object id (last column)",
+            value=[int(one) for one in ids],
+            fix="Keep the rows of one: rows[rows[:, 16] == ID]",
+        )
+    return rows
 
 
 def write(grasp_set: GraspSet, path: Path, gripper: Gripper) -> None:
     """Write a graspnetAPI array with its grasp centre at the TCP; the object id is 0."""
-    poses = stacked(grasp_set.grasps)
+    if not grasp_set.in_camera_frame:
+        LOG.warning("%s names no frame: its grasps are in the object's, not in a camera's.", path)
+    poses = np.stack([grasp.object_from_gripper for grasp in grasp_set.grasps])
     rows = np.zeros((len(poses), COLUMNS))
     rows[:, 0] = [grasp.confidence for grasp in grasp_set.grasps]
     rows[:, 1] = [gripper.max_width if g.width is None else g.width for g in grasp_set.grasps]

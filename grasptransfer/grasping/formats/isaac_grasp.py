@@ -13,11 +13,20 @@ from pydantic import BaseModel, ConfigDict, Field
 from grasptransfer.errors import GraspFileError, in_millimetres
 from grasptransfer.files import read_yaml, replacing
 from grasptransfer.frames import invert, rigid
-from grasptransfer.grasping.formats.grasp_set import GraspSet, base_from_tcp
-from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp, expand_symmetry
-from grasptransfer.grasping.grasps import read_grasp_file
+from grasptransfer.grasping.formats.grasp_set import (
+    CANONICAL,
+    OBJECT,
+    GraspSet,
+    base_from_tcp,
+    confidences_of,
+    scale_of,
+)
+from grasptransfer.grasping.formats.hand_of_file import check_driver, check_joints, choose_gripper
+from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, expand_symmetry
+from grasptransfer.grasping.grasps import file_gripper, read_grasp_file
 from grasptransfer.grasping.gripper import Gripper
-from grasptransfer.grasping.yaml_models import (
+from grasptransfer.grasping.placed_grasp import PlacedGrasp
+from grasptransfer.yaml_models import (
     Quaternion,
     check_unit_quaternion,
     dump_yaml,
@@ -25,7 +34,7 @@ from grasptransfer.grasping.yaml_models import (
     pose_as_data,
 )
 
-TCP, CANONICAL = "tcp", "canonical"
+TCP = "tcp"
 FARTHEST = 5.0  # m from the origin of any frame that an arm reaches
 Triple = tuple[float, float, float]
 
@@ -39,13 +48,18 @@ class _Loose(BaseModel):
 class _GraspModel(_Loose):
     position: Triple
     orientation: Quaternion
-    confidence: float = Field(default=1.0, ge=0, le=1)
+    confidence: float = 1.0
     label: str | None = None
     width: float | None = Field(default=None, ge=0, le=1)
-    approach_distance: float = Field(default=DEFAULT_APPROACH_DISTANCE, ge=0)
+    approach_distance: float = Field(default=DEFAULT_APPROACH_DISTANCE, ge=0, le=1)
     contacts: tuple[Triple, Triple] | None = None
     cspace_position: dict[str, float] | None = None
     pregrasp_cspace_position: dict[str, float] | None = None
+
+
+class _BlockModel(_Loose):
+    length_unit: Literal["m"] = "m"
+    gripper: str | None = None
 
 
 class _FileModel(_Loose):
@@ -56,46 +70,86 @@ class _FileModel(_Loose):
     object_frame_link: str | None = None
     gripper_frame: str | None = None
     gripper_frame_link: str | None = None
+    gripper_file: str | None = None
     object_file: str | None = None
     object_scale: float = 1.0
-    grasps: dict[str, Any]
+    grasptransfer: _BlockModel = _BlockModel()
+    grasps: dict[str, Any] = Field(
+        examples=["{my_grasp: {position: [0, 0, 0.05], orientation: {w: 1, xyz: [0, 0, 0]}}}"]
+    )
 
 
-def read(path: Path, gripper: Gripper) -> GraspSet:
-    """Read an isaac_grasp file; joint positions of this gripper become width and opening.
+def read(path: Path, given: Gripper | None) -> GraspSet:
+    """Read an isaac_grasp file; joint positions of its gripper become width and opening.
 
     Of a category's grasp file every member of a symmetry family becomes a grasp.
+
+    Args:
+        given: gripper to read it for; None: the one that the file names.
     """
     data = read_yaml(path, error=GraspFileError)
     if _is_of_a_category(data):
-        return GraspSet(expand_symmetry(read_grasp_file(path).grasps), CANONICAL)
+        file = read_grasp_file(path)
+        gripper = file_gripper(file.gripper, path)
+        if given is not None and given.name != gripper.name:
+            choose_gripper(given, gripper.name, path, "grasptransfer.gripper")
+        grasps = tuple(PlacedGrasp.on_canonical(grasp) for grasp in expand_symmetry(file.grasps))
+        return GraspSet(grasps, CANONICAL, gripper=given or gripper)
     model = parse(_FileModel, data, path, error=GraspFileError)
     if not model.grasps:
         raise GraspFileError("holds no grasp", path=path, key="grasps")
+    gripper = _gripper_of(model, given, path)
     frame_from_tcp = _frame_from_tcp(model.gripper_frame or model.gripper_frame_link, gripper, path)
-    grasps = []
-    for name, data in model.grasps.items():
-        key = f"grasps.{name}"
-        grasp = parse(_GraspModel, data, path, key=key, error=GraspFileError)
-        check_unit_quaternion(grasp.orientation, path, f"{key}.orientation", error=GraspFileError)
-        if np.linalg.norm(grasp.position) > FARTHEST:
-            raise in_millimetres(GraspFileError, path=path, key=f"{key}.position", value=list(grasp.position))
-        object_from_frame = rigid(grasp.orientation.matrix(), np.array(grasp.position))
-        width = _width(grasp.cspace_position, gripper)
-        grasps.append(
-            Grasp(
-                name=str(name),
-                label=grasp.label or "grasp",
-                canonical_from_gripper=object_from_frame @ frame_from_tcp,
-                width=width if grasp.width is None else grasp.width,
-                approach_distance=grasp.approach_distance,
-                contacts=None if grasp.contacts is None else np.array(grasp.contacts),
-                confidence=grasp.confidence,
-                opening=_width(grasp.pregrasp_cspace_position, gripper),
-            )
-        )
-    frame = model.object_frame or model.object_frame_link or "object"
-    return GraspSet(tuple(grasps), frame, model.object_file, model.object_scale)
+    entries = {
+        name: parse(_GraspModel, entry, path, key=f"grasps.{name}", error=GraspFileError)
+        for name, entry in model.grasps.items()
+    }
+    confidences = confidences_of(
+        np.array([entry.confidence for entry in entries.values()]), path, "grasps.*.confidence"
+    )
+    grasps = tuple(
+        _placed(name, entry, frame_from_tcp, gripper, confidence=float(confidence), path=path)
+        for (name, entry), confidence in zip(entries.items(), confidences, strict=True)
+    )
+    frame = model.object_frame or model.object_frame_link or OBJECT
+    scale = scale_of(model.object_scale, path, "object_scale")
+    return GraspSet(grasps, frame, model.object_file, scale, gripper)
+
+
+def _gripper_of(model: _FileModel, given: Gripper | None, path: Path) -> Gripper:
+    named = {"grasptransfer.gripper": model.grasptransfer.gripper, "gripper_file": model.gripper_file}
+    key = next((key for key, name in named.items() if name is not None), "gripper_file")
+    entry = next(iter(model.grasps.values()))
+    joints = entry.get("cspace_position") if isinstance(entry, dict) else None
+    return choose_gripper(given, named[key], path, key, joints=joints if isinstance(joints, dict) else ())
+
+
+def _placed(
+    name: str,
+    entry: _GraspModel,
+    frame_from_tcp: Float[np.ndarray, "4 4"],
+    gripper: Gripper,
+    *,
+    confidence: float,
+    path: Path,
+) -> PlacedGrasp:
+    key = f"grasps.{name}"
+    check_unit_quaternion(entry.orientation, path, f"{key}.orientation", error=GraspFileError)
+    if np.linalg.norm(entry.position) > FARTHEST:
+        raise in_millimetres(GraspFileError, path=path, key=f"{key}.position", value=list(entry.position))
+    object_from_frame = rigid(entry.orientation.matrix(), np.array(entry.position))
+    width = _width(entry.cspace_position, gripper, path, f"{key}.cspace_position")
+    opening = _width(entry.pregrasp_cspace_position, gripper, path, f"{key}.pregrasp_cspace_position")
+    return PlacedGrasp(
+        name=name,
+        label=entry.label or "grasp",
+        object_from_gripper=object_from_frame @ frame_from_tcp,
+        width=width if entry.width is None else entry.width,
+        approach_distance=entry.approach_distance,
+        contacts=None if entry.contacts is None else np.array(entry.contacts),
+        confidence=confidence,
+        opening=opening,
+    )
 
 
 def _is_of_a_category(data: object) -> bool:
@@ -119,10 +173,9 @@ def write(grasp_set: GraspSet, path: Path, gripper: Gripper) -> None:
         temporary.write_text(dump_yaml(data), encoding="utf-8")
 
 
-def _as_data(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
-    data: dict[str, Any] = {"confidence": float(grasp.confidence)} | pose_as_data(
-        grasp.canonical_from_gripper
-    )
+def _as_data(grasp: PlacedGrasp, gripper: Gripper) -> dict[str, Any]:
+    data: dict[str, Any] = {"confidence": float(grasp.confidence)}
+    data |= pose_as_data(grasp.object_from_gripper)
     width = gripper.max_width if grasp.width is None else float(np.clip(grasp.width, *gripper.opening))
     opening = gripper.approach_opening(width) if grasp.opening is None else grasp.opening
     data["cspace_position"] = gripper.joint_positions(width)
@@ -155,6 +208,12 @@ def _frame_from_tcp(name: str | None, gripper: Gripper, path: Path) -> Float[np.
     return invert(poses[link])
 
 
-def _width(positions: dict[str, float] | None, gripper: Gripper) -> float | None:
-    """Opening [m] that belongs to the driver's position, where the file tells it."""
-    return gripper.opening_of(positions) if positions else None
+def _width(positions: dict[str, float] | None, gripper: Gripper, path: Path, key: str) -> float | None:
+    """Opening [m] that belongs to the driver's position, where the file has it."""
+    if not positions:
+        return None
+    check_joints(positions, gripper, path, key)
+    driver = gripper.finger_joints[0]
+    value = (positions[driver.name] - driver.offset) / driver.ratio
+    check_driver(value, gripper, path, f"{key}.{driver.name}")
+    return gripper.opening_of(positions)

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from grasptransfer.errors import GripperError, in_millimetres
 from grasptransfer.files import read_yaml
-from grasptransfer.grasping.yaml_models import RigidPose, Strict, check_unit_quaternion, parse
+from grasptransfer.yaml_models import RigidPose, Strict, check_unit_quaternion, parse
 
 LARGEST_PAD = 0.5  # m
 

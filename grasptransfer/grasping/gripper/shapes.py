@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from grasptransfer.errors import GripperError, MeshError, in_millimetres
 from grasptransfer.frames import transform_points
+from grasptransfer.meshes import read_mesh
 from grasptransfer.solids.decomposition import DecompositionSettings, decompose
 
 if TYPE_CHECKING:
@@ -126,19 +127,12 @@ def _hull(points: Float[np.ndarray, "_ 3"]) -> "trimesh.Trimesh":
 
 def _load_mesh(geometry: Any, link: str, path: Path) -> "tuple[trimesh.Trimesh, Path]":
     """The mesh, scaled to metres, in the shape's frame, and its file."""
-    import trimesh
-
     found = _find(geometry.filename, link, path)
-    try:
-        mesh = trimesh.load_mesh(found)
-    except (ValueError, TypeError, KeyError, IndexError, OSError, ImportError, NotImplementedError) as error:
-        raise GripperError(f"mesh file cannot be read: {error}", path=found, key=link) from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+    mesh = read_mesh(found, error=GripperError, key=link).mesh
+    if mesh is None:
         raise GripperError("mesh file holds no triangles", path=found, key=link)
     if geometry.scale is not None:
         mesh.apply_scale(geometry.scale)
-    if not np.isfinite(mesh.vertices).all():
-        raise GripperError("mesh file holds NaN or infinity", path=found, key=link)
     if mesh.extents.max() > LARGEST_LINK:
         raise in_millimetres(GripperError, path=found, key=link, value=f"{mesh.extents.max():.0f}")
     return mesh, found

@@ -16,6 +16,7 @@ from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError, ImageError, SettingsError
+from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.baselines import (
     ClsEstimator,
     CpdEstimator,
@@ -283,9 +284,7 @@ def _canonical_surface(category: str) -> CanonicalSurface:
 
 @lru_cache(maxsize=8)
 def _known_mesh(path: Path) -> tuple[trimesh.Trimesh, TrueSurface]:
-    mesh = trimesh.load(path, force="mesh")
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
-        raise SettingsError("holds no triangles", path=path)
+    mesh = load_mesh(path)
     return mesh, TrueSurface(outer_surface(mesh, TRUE_POINTS))
 
 

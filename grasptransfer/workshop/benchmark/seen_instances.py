@@ -14,6 +14,7 @@ from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.drawing.views import VIEWPOINTS, sphere_views
 from grasptransfer.errors import MeshError, SettingsError
+from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.registration import DeformationField, cpd
 from grasptransfer.workshop import objects
@@ -94,9 +95,7 @@ def _from_folder(category: Category, folder: Path) -> Instance:
     files = [folder / f"mesh{suffix}" for suffix in MESH_SUFFIXES if (folder / f"mesh{suffix}").is_file()]
     if not files:
         raise MeshError("holds no mesh", path=folder, choices=[f"mesh{suffix}" for suffix in MESH_SUFFIXES])
-    mesh = trimesh.load(files[0], force="mesh")
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
-        raise MeshError("holds no triangles", path=files[0])
+    mesh = load_mesh(files[0])
     from grasptransfer.workshop.benchmark.errors_of_shape import outer_surface
 
     space, settings = category.shape_space, category.settings

@@ -8,14 +8,12 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from grasptransfer.category.check import LARGEST, SMALLEST
 from grasptransfer.errors import CategoryError, MeshError, SettingsError
-from grasptransfer.files import MESHES
+from grasptransfer.meshes import SMALLEST, SUFFIXES, check_points, check_size, read_mesh
 from grasptransfer.workshop.building.carving import carved_surface
 from grasptransfer.workshop.building.cloud_files import read_pcd, read_xyz
 
-ENDINGS = (*MESHES, ".pcd", ".xyz")
-TYPICAL, UNITS = 0.15, {"millimetres": 0.001, "centimetres": 0.01}  # m; metres in one unit
+ENDINGS = (*SUFFIXES, ".pcd", ".xyz")
 FEWEST_POINTS = 50
 AXES = {"+x": (1, 0, 0), "+y": (0, 1, 0), "+z": (0, 0, 1)}
 AXES |= {f"-{name[1]}": tuple(-number for number in axis) for name, axis in AXES.items()}
@@ -126,15 +124,13 @@ def prepare(path: Path, *, scale: float, rotation: Float[np.ndarray, "3 3"]) -> 
     Raises:
         MeshError, PointCloudError: unreadable, empty, not finite, flat, or of an implausible size.
     """
-    mesh, cloud = _read(path)
+    mesh, points = _read(path)
     notes: list[str] = []
-    points = np.asarray(mesh.vertices if mesh is not None else cloud, float)
     if mesh is not None:
         mesh, notes = _repair(mesh, path)
         points = np.asarray(mesh.vertices)
-    if len(points) == 0 or not np.isfinite(points).all():
-        raise MeshError("is empty or holds NaN or infinity", path=path)
-    _check_size(np.ptp(points, axis=0) * scale, scale, path)
+    check_points(points, path)
+    check_size(np.ptp(points, axis=0) * scale, path, scale=scale, smallest=SMALLEST)
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation
     moved = points @ matrix[:3, :3].T
@@ -153,36 +149,21 @@ def prepare(path: Path, *, scale: float, rotation: Float[np.ndarray, "3 3"]) -> 
     return Prepared(mesh, None, tuple(notes))
 
 
-def _read(path: Path) -> tuple[trimesh.Trimesh | None, Float[np.ndarray, "m 3"] | None]:
-    """A mesh, or the points of a cloud."""
+def _read(path: Path) -> tuple[trimesh.Trimesh | None, Float[np.ndarray, "m 3"]]:
+    """A mesh and its points, or the points of a cloud."""
     suffix = path.suffix.lower()
     if suffix == ".pcd":
         return None, read_pcd(path)
     if suffix == ".xyz":
         return None, read_xyz(path)
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        parts = scene.dump()
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as cause:
-        raise MeshError("cannot be read", path=path, fix=f"{type(cause).__name__}: {cause}") from cause
-    meshes = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-    if meshes:
-        whole = meshes[0] if len(meshes) == 1 else trimesh.util.concatenate(meshes)
-        assert isinstance(whole, trimesh.Trimesh)
-        return whole, None
-    points = [np.asarray(getattr(part, "vertices", ()), float) for part in parts]
-    points = [cloud for cloud in points if len(cloud)]
-    if not points:
-        raise MeshError("holds neither faces nor points", path=path)
-    return None, np.concatenate(points)
+    found = read_mesh(path)
+    return found.mesh, found.points
 
 
 def _repair(mesh: trimesh.Trimesh, path: Path) -> tuple[trimesh.Trimesh, list[str]]:
     """Take away what has no area or is there twice; turn what is inside out; say so."""
     notes = []
     used = np.unique(mesh.faces)
-    if not np.isfinite(mesh.vertices[used]).all():
-        raise MeshError("has faces with corners that are NaN or infinite", path=path)
     before = len(mesh.faces)
     extent = float(np.ptp(mesh.vertices[used], axis=0).max())
     mesh.update_faces(mesh.nondegenerate_faces(height=1e-12 * extent))
@@ -206,22 +187,3 @@ def _repair(mesh: trimesh.Trimesh, path: Path) -> tuple[trimesh.Trimesh, list[st
         mesh.invert()
         notes.append("was inside out; its faces were turned")
     return mesh, notes
-
-
-def _check_size(extents: Float[np.ndarray, "3"], scale: float, path: Path) -> None:
-    size = float(extents.max())
-    if size > LARGEST:
-        unit = min(UNITS, key=lambda unit: abs(np.log(UNITS[unit] * size / TYPICAL)))
-        raise MeshError(
-            f"its longest side is {size:.4g} m: it looks like {unit}",
-            path=path,
-            fix=f"Give the unit: --scale {scale * UNITS[unit]:g}",
-        )
-    if size < SMALLEST:
-        raise MeshError(
-            f"its longest side is {size:.4g} m: it looks like another unit, or is scaled down",
-            path=path,
-            fix=f"Give metres in one unit of the file, such as --scale {scale * 1000:g}",
-        )
-    if extents.min() < 1e-3 * size:
-        raise MeshError("is flat", path=path, value=np.round(extents, 5).tolist())
