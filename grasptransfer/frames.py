@@ -1,4 +1,4 @@
-"""Frames and rigid transforms.
+"""Frames, rigid transforms, and the glossary of words and axis letters.
 
 Units are metres and radians; frames are right-handed; vectors are columns.
 A rigid transform is named `a_from_b` and maps points of frame b to frame a:
@@ -16,6 +16,46 @@ A rigid transform is named `a_from_b` and maps points of frame b to frame a:
 
 The non-rigid map from canonical to object is a *field* (`registration.DeformationField`),
 never a transform.
+
+| word | meaning |
+| --- | --- |
+| category | a kind of object whose instances differ by a smooth deformation: mug, drill |
+| canonical model | the one model of a category on which grasps are annotated |
+| instance | one object of a category |
+| deformation field | how every point of the canonical frame moves to an instance: `points + v(points)` |
+| shape space | the deformation fields of a category: a mean field and its principal modes |
+| latent | coordinates of an instance in the shape space, in standard deviations |
+| given pose | the `camera_from_object` that the caller passes; the fit turns it into the *refined* pose |
+| prior, likelihood, posterior | what is known before the picture, what the picture says, and both together |
+| offset | how far a visible canonical point is displaced [m] |
+| flow | where in the picture a visible canonical point is seen [px] |
+| mask | pixels where the object is seen; the *silhouette* also holds what other things hide |
+| residual | prediction minus observation, in units of its standard deviation |
+| E | the paper's error: mean squared distance of true surface points to the reconstruction [1e-6 m^2] |
+| chamfer distance | mean distance between two surfaces, both ways [m] |
+| TCP | tool centre point: the middle between the two finger pads |
+| pad | the flat part of a finger that touches the object |
+| opening | distance between the pads [m]; the *width* of a grasp is the opening at which both touch |
+| pre-grasp | pose from which the opened gripper moves straight along +z to the grasp: the *approach* |
+| usable | a grasp that passed every check and is likely enough to hold |
+| score | expected success of a grasp in [0, 1] |
+| trial | one execution of a grasp in a physics engine; *held* is its success |
+| protocol | everything a trial does, named and versioned |
+
+| axis | length |
+| --- | --- |
+| `n` | control points of a field, or source points |
+| `m` | any points, or target points |
+| `k` | modes of a shape space |
+| `v`, `f` | vertices and faces of a mesh |
+| `c` | cells of the network that show the object; candidates of a search |
+| `p` | pads, pairs or points that a function picks |
+| `g` | grasps |
+| `s` | drawn samples; in the fit of pose and shape, its 6 + k unknowns |
+| `t` | moments of a trial, or traits of a point |
+| `b` | pictures of a batch |
+| `h w` | rows and columns of a picture |
+| `r` | rings or rows of a parametric surface, rays |
 """
 
 import numpy as np
