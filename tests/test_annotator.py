@@ -124,7 +124,7 @@ def test_contacts_of_another_canonical_model_are_measured_anew(category, tmp_pat
 def test_what_was_asked_of_one_grasp_is_not_done_to_the_next(session, category):
     import viser
 
-    from grasptransfer.annotator.browser import Page
+    from grasptransfer.annotator.page import Page
 
     for name, grasp in zip(("one", "two"), load_grasps(category.grasps_path), strict=False):
         session.add(name)
@@ -152,7 +152,7 @@ def test_what_was_asked_of_one_grasp_is_not_done_to_the_next(session, category):
 def test_the_page_tells_which_grasps_of_another_model_are_still_to_see(of_another_model):
     import viser
 
-    from grasptransfer.annotator.browser import Page
+    from grasptransfer.annotator.page import Page
 
     server = viser.ViserServer(host="127.0.0.1", port=8919, verbose=False)
     try:
@@ -168,7 +168,7 @@ def test_the_page_tells_which_grasps_of_another_model_are_still_to_see(of_anothe
 def test_the_annotators_page_follows_what_is_dragged_and_typed(session, category):
     import viser
 
-    from grasptransfer.annotator.browser import Page
+    from grasptransfer.annotator.page import Page
 
     session.add("edge")
     session.move("edge", load_grasps(category.grasps_path)[0].canonical_from_gripper)
@@ -188,6 +188,148 @@ def test_the_annotators_page_follows_what_is_dragged_and_typed(session, category
         page._later(lambda: page._rename("copy"))
         page._later(page._save)
         page.refresh()
+        assert "the check refuses edge, copy" in page.status.content
+        page.refused.value = True
+        page._later(page._save)
+        page.refresh()
         assert [grasp.name for grasp in load_grasps(session.path)] == ["edge", "copy"]
+    finally:
+        server.stop()
+
+
+HAND_WRITTEN = """\
+# Grasps that we use at the sink.
+format: isaac_grasp
+format_version: 1.0
+object_frame: canonical
+gripper_frame: tcp
+grasptransfer: {version: 1, category: mug, gripper: panda}
+grasps:
+  # By the wall.
+  hand_over:          # for people
+    position: [-0.0546, 0.0, 0.038]
+    orientation: {w: 0.0, xyz: [0.0, 1.0, 0.0]}
+    label: "hand-over"
+  rim_left:
+    label: rim
+    position: [-0.0157, 0.0388, 0.0380]
+    orientation: {w: 0.0, xyz: [0.70711, 0.70711, 0.0]}
+"""
+
+
+@pytest.fixture
+def hand_written(category, tmp_path):
+    path = tmp_path / "grasps.yaml"
+    path.write_text(HAND_WRITTEN)
+    return Session(category, gt.load_gripper("panda"), path=path)
+
+
+def test_saving_keeps_comments_order_and_what_was_not_edited(hand_written, category):
+    hand_written.rename("hand_over", "to_people")
+    hand_written.describe("rim_left", confidence=0.5)
+    hand_written.add("rim_again", like="rim_left")
+    text = hand_written.save().read_text()
+    assert text.startswith("# Grasps that we use at the sink.\n")
+    assert "  # By the wall.\n  to_people:          # for people\n" in text
+    assert 'label: "hand-over"' in text
+    assert "position: [-0.0546, 0.0, 0.038]" in text
+    back = load_grasps(hand_written.path, category=category)
+    assert [grasp.name for grasp in back] == ["to_people", "rim_left", "rim_again"]
+    assert [grasp.confidence for grasp in back] == [1.0, 0.5, 0.5]
+    assert hand_written.path.with_name("grasps.yaml.bak").read_text() == HAND_WRITTEN
+
+
+def test_saving_twice_changes_nothing_more(hand_written):
+    hand_written.describe("rim_left", label="edge")
+    first = hand_written.save().read_text()
+    assert hand_written.save().read_text() == first
+
+
+def test_edits_are_undone_one_by_one_and_a_drag_is_one_edit(session, category):
+    session.add("edge")
+    start = session.grasp("edge").canonical_from_gripper
+    for height in (0.05, 0.06, 0.07):
+        session.move("edge", rigid(start[:3, :3], np.array([0, 0, height])))
+    session.end_of_move()
+    session.move("edge", rigid(start[:3, :3], np.array([0, 0, 0.08])))
+    session.describe("edge", label="rim")
+    session.undo()
+    assert session.grasp("edge").label == "edge"
+    session.undo()
+    assert session.grasp("edge").canonical_from_gripper[2, 3] == 0.07
+    session.undo()
+    np.testing.assert_array_equal(session.grasp("edge").canonical_from_gripper, start)
+    session.undo()
+    assert session.names == ()
+    with pytest.raises(SettingsError, match="undo"):
+        session.undo()
+
+
+def test_a_refused_grasp_is_saved_only_on_purpose(session):
+    session.add("far")
+    session.move("far", rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.4, 0.0, 0.0])))
+    with pytest.raises(GraspFileError, match="refuses far"):
+        session.save()
+    assert not session.path.exists()
+    assert [grasp.name for grasp in load_grasps(session.save(refused=True))] == ["far"]
+
+
+def test_an_installed_category_is_saved_to_the_working_folder(category, monkeypatch, tmp_path):
+    from grasptransfer.annotator import document
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(document.grasptransfer, "__file__", str(category.folder.parent.parent / "x.py"))
+    session = Session(category, gt.load_gripper("panda"))
+    assert session.path == tmp_path / "mug_grasps.yaml"
+    assert session.names == tuple(grasp.name for grasp in load_grasps(category.grasps_path))
+    before = category.grasps_path.read_bytes()
+    session.describe(session.names[0], label="mine")
+    text = session.save().read_text()
+    assert "label: mine" in text
+    assert text.splitlines()[0] == before.decode().splitlines()[0]  # its comments come along
+    assert category.grasps_path.read_bytes() == before
+
+
+def test_a_grasp_is_tried_on_other_shapes_and_in_simulation(session, category):
+    from grasptransfer.annotator.trying import on_instances, on_latent, try_out
+
+    session.add("rim")
+    session.move("rim", load_grasps(category.grasps_path)[0].canonical_from_gripper)
+    shapes = on_instances(session, "rim")
+    assert len(shapes) == 6
+    assert sum(shape.check.usable for shape in shapes) >= 3
+    same = on_latent(session, "rim", [0.0])
+    larger = on_latent(session, "rim", [2.0])
+    assert not np.allclose(same.mesh.extents, larger.mesh.extents, rtol=0.01)
+    trial = try_out(session, "rim")
+    assert trial.held
+    assert trial.recording is not None
+
+
+def test_the_page_moves_by_numbers_and_tries_a_grasp(session, category):
+    import viser
+
+    from grasptransfer.annotator.page import Page
+
+    session.add("rim")
+    session.move("rim", load_grasps(category.grasps_path)[0].canonical_from_gripper)
+    server = viser.ViserServer(host="127.0.0.1", port=8920, verbose=False)
+    try:
+        page = Page(server, session)
+        x, y, z = page.position.value
+        page.position.value = (x, y, z + 10)
+        page.refresh()
+        assert session.grasp("rim").canonical_from_gripper[2, 3] == pytest.approx(z / 1e3 + 0.01, abs=1e-4)
+        assert page.controls.position[2] == pytest.approx(z / 1e3 + 0.01, abs=1e-4)
+        page._later(page._undo)
+        page.refresh()
+        assert page.position.value == (x, y, z)
+        page._later(page._execute)
+        page.refresh()
+        assert "**held**" in page.status.content.lower()
+        assert "data:image/gif" in page.film.content
+        page._later(page._on_instances)
+        page.refresh()
+        assert "of 6" in page.status.content
     finally:
         server.stop()

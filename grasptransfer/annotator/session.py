@@ -11,49 +11,28 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.annotator.document import GraspDocument
+from grasptransfer.annotator.measurement import Measurement, Measurer
 from grasptransfer.category import Category
 from grasptransfer.errors import GraspFileError, SettingsError
 from grasptransfer.frames import check_rigid, rigid
 from grasptransfer.grasping import (
-    CheckStatus,
-    CollisionWorld,
     Grasp,
     Gripper,
     Symmetry,
-    check_grasps,
-    on_canonical,
-    read_grasp_file,
-    save_grasps,
 )
-from grasptransfer.grasping.closing import close_pads
 
 ABOVE = 0.01  # m below the top of the object: where a new grasp starts
 DOWN = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])  # approach straight down, closing along x
 
 
 @dataclass(frozen=True)
-class Measurement:
-    """What the pads meet at a grasp, and whether the gripper gets there.
+class _State:
+    """What an edit may change, as it was before."""
 
-    Args:
-        status, reason: of the check.
-        opening: distance between the pads on the way in [m].
-        width: when they touch [m], or None.
-        contacts: (2, 3) under the -x and the +x pad, canonical frame [m], or None.
-        offset: how far the middle of the contacts is from the TCP along the closing axis [m].
-    """
-
-    status: CheckStatus
-    reason: str
-    opening: float
-    width: float | None
-    contacts: Float[np.ndarray, "2 3"] | None
-    offset: float
-
-    @property
-    def usable(self) -> bool:
-        """Whether every check passed."""
-        return self.status.usable
+    grasps: dict[str, Grasp]
+    unseen: set[str]
+    renamed: dict[str, str]
 
 
 class Session:
@@ -62,7 +41,9 @@ class Session:
     Args:
         category: whose canonical model they are on.
         gripper: that executes them.
-        path: grasp file to edit and save to; the category's own if None. It may be missing.
+        path: grasp file to edit and save to; it may be missing. None takes the category's own, or for a
+            category inside the installed package `<category>_grasps.yaml` in the working folder, which
+            starts with the category's grasps.
 
     Raises:
         GraspFileError: the file has a mistake, or is for another category or gripper.
@@ -70,13 +51,23 @@ class Session:
 
     def __init__(self, category: Category, gripper: Gripper, *, path: Path | None = None):
         self.category, self.gripper = category, gripper
-        self.path = Path(path) if path is not None else category.grasps_path
-        self.world = CollisionWorld(category.canonical)
+        self.document = GraspDocument(category, gripper, path)
+        self.measurer = Measurer(category.canonical, gripper)
         self.unsaved = False
-        self._grasps: dict[str, Grasp] = {}
+        self._grasps = dict(self.document.grasps)
         self._unseen: set[str] = set()
-        if self.path.is_file():
-            self._read()
+        self._renamed: dict[str, str] = {}
+        self._history: list[_State] = []
+        self._last_edit: tuple[str, str] | None = None
+        if self.document.of_another_model:
+            for grasp in self.grasps:  # Contacts of another model mean nothing on this one.
+                self._keep(grasp.name, replace(grasp, contacts=None))
+            self._unseen = set(self.names)
+
+    @property
+    def path(self) -> Path:
+        """The file that is saved to."""
+        return self.document.path
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -103,9 +94,31 @@ class Session:
             raise SettingsError("is no grasp here", key="grasp", value=name, choices=self.names)
         return self._grasps[name]
 
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Names of the grasps that fail their check."""
+        return tuple(name for name in self.names if not self.measure(name).usable)
+
+    def undo(self) -> None:
+        """Take back the last edit; moves of one grasp up to `end_of_move` are one edit.
+
+        Raises:
+            SettingsError: there is nothing to take back.
+        """
+        if not self._history:
+            raise SettingsError("there is nothing to undo", key="undo")
+        state = self._history.pop()
+        self._grasps, self._unseen, self._renamed = state.grasps, state.unseen, state.renamed
+        self._last_edit, self.unsaved = None, True
+
+    def end_of_move(self) -> None:
+        """The next move is an edit of its own: a drag has ended."""
+        self._last_edit = None
+
     def add(self, name: str, *, like: str | None = None) -> Grasp:
         """A new grasp: a copy of another one, or from straight above at the top of the object."""
         self._check_name(name)
+        self._remember("add", name)
         if like is not None:
             grasp = replace(self.grasp(like), name=name)
         else:
@@ -119,6 +132,7 @@ class Session:
     def remove(self, name: str) -> None:
         """Drop a grasp."""
         self.grasp(name)
+        self._remember("remove", name)
         del self._grasps[name]
         self.unsaved = True
 
@@ -128,6 +142,8 @@ class Session:
         if new == name:
             return
         self._check_name(new)
+        self._remember("rename", name)
+        self._renamed[new] = self._renamed.pop(name, name)
         renamed = replace(grasp, name=new)
         if name in self._unseen:
             self._unseen.add(new)
@@ -157,21 +173,27 @@ class Session:
         for key in ("approach_distance", "confidence"):
             if key in changes and not 0 <= changes[key] <= 1:
                 raise SettingsError("must lie between 0 and 1", key=key, value=changes[key])
-        self._grasps[name] = replace(self.grasp(name), **changes)
+        grasp = self.grasp(name)
+        self._remember("describe", name)
+        self._grasps[name] = replace(grasp, **changes)
         self.unsaved = True
 
     def move(self, name: str, canonical_from_gripper: Float[np.ndarray, "4 4"]) -> Measurement:
         """Put the TCP elsewhere [m]; contacts and width follow."""
         pose = check_rigid(canonical_from_gripper, "canonical_from_gripper")
+        grasp = self.grasp(name)
+        self._remember("move", name)
         # Contacts of the old place would be refused at the new one.
-        self._keep(name, replace(self.grasp(name), canonical_from_gripper=pose, contacts=None))
+        self._keep(name, replace(grasp, canonical_from_gripper=pose, contacts=None))
         return self.measure(name)
 
     def open_to(self, name: str, opening: float | None) -> Measurement:
         """Fix the opening on the way in [m]; None: a little more than the width."""
         if opening is not None:
             opening = float(np.clip(opening, *self.gripper.opening))
-        self._keep(name, replace(self.grasp(name), opening=opening))
+        grasp = self.grasp(name)
+        self._remember("open_to", name)
+        self._keep(name, replace(grasp, opening=opening))
         return self.measure(name)
 
     def centre(self, name: str) -> Measurement:
@@ -194,31 +216,33 @@ class Session:
         if point is not None:
             symmetry = replace(symmetry, point=np.array(point, dtype=float))
         symmetry = replace(symmetry, degrees=tuple(float(turn) for turn in degrees), samples=None)
+        self._remember("turn", name)
         self._grasps[name] = replace(grasp, symmetry=symmetry if len(degrees) else None)
         self.unsaved = True
 
     def measure(self, name: str) -> Measurement:
-        """Close the pads and check the gripper's way to a grasp."""
-        grasp = self.grasp(name)
-        opening = self.gripper.max_width if grasp.opening is None else grasp.opening
-        told = self.gripper.max_width if grasp.width is None else grasp.width
-        points, width, offset = self._touched(grasp.canonical_from_gripper, opening)
-        if width is None:
-            # Nothing between wide-open pads may still be something between nearly closed ones.
-            closer = self.gripper.approach_opening(min(told, self.gripper.max_width))
-            points, width, offset = self._touched(grasp.canonical_from_gripper, closer)
-        seen = replace(grasp, contacts=points, width=told if width is None else width)
-        check = check_grasps(on_canonical([seen]), self.world, self.gripper)[0]
+        """Close the pads and check the gripper's way to a grasp; it counts as looked at from then on."""
+        found = self.measurer.measure(self.grasp(name))
         self._unseen.discard(name)
-        return Measurement(check.status, check.reason, check.opening, width, points, offset)
+        return found
 
-    def save(self) -> Path:
-        """Write the grasp file. Comments that a person wrote into it are lost.
+    def save(self, *, refused: bool = False) -> Path:
+        """Write the grasp file; of one that is there comments, order and style stay, and a copy is kept.
+
+        Args:
+            refused: save grasps that fail their check, too.
 
         Raises:
-            GraspFileError: there is no grasp, or one of another canonical model that nobody looked at.
+            GraspFileError: there is no grasp, one of another canonical model that nobody looked at, or one
+                that fails its check where those are not asked for.
             SettingsError: the folder cannot be written.
         """
+        self._check_complete(refused)
+        self.document.write(self._grasps, self._renamed)
+        self.unsaved, self._renamed = False, {}
+        return self.path
+
+    def _check_complete(self, refused: bool) -> None:
         if not self._grasps:
             raise GraspFileError("there is no grasp to save", path=self.path)
         if self.unseen:
@@ -227,40 +251,19 @@ class Session:
                 path=self.path,
                 fix=f"Look at each before saving; still to see: {', '.join(self.unseen)}",
             )
-        known = self.gripper.path.stem == self.gripper.name
-        save_grasps(
-            self.grasps,
-            self.path,
-            category=self.category.name,
-            gripper=self.gripper.name if known else str(self.gripper.path),
-            canonical_sha256=self.category.canonical_sha256,
-        )
-        self.unsaved = False
-        return self.path
+        failing = () if refused else self.refused
+        if failing:
+            raise GraspFileError(
+                f"the check refuses {', '.join(failing)}",
+                path=self.path,
+                fix="Mend or delete them, or save them on purpose with `save refused grasps, too`",
+            )
 
-    def _read(self) -> None:
-        file = read_grasp_file(self.path)
-        if file.category != self.category.name:
-            raise GraspFileError(
-                "is for another category",
-                path=self.path,
-                key="grasptransfer.category",
-                value=file.category,
-                choices=[self.category.name],
-            )
-        if file.gripper not in (self.gripper.name, self.gripper.path.name, str(self.gripper.path)):
-            raise GraspFileError(
-                f"its grasps are for another gripper than {self.gripper.name}",
-                path=self.path,
-                key="grasptransfer.gripper",
-                value=file.gripper,
-                fix="Name that gripper, or edit another file",
-            )
-        self._grasps = {grasp.name: grasp for grasp in file.grasps}
-        if file.canonical_sha256 not in (None, self.category.canonical_sha256):
-            for grasp in self.grasps:  # contacts of another model are none of this one
-                self._keep(grasp.name, replace(grasp, contacts=None))
-            self._unseen = set(self.names)
+    def _remember(self, edit: str, name: str) -> None:
+        """Keep the state before an edit; a move that follows a move of the same grasp belongs to it."""
+        if (edit, name) != self._last_edit or edit not in ("move", "open_to"):
+            self._history.append(_State(dict(self._grasps), set(self._unseen), dict(self._renamed)))
+        self._last_edit = (edit, name)
 
     def _keep(self, name: str, grasp: Grasp) -> None:
         """Store a grasp with the contacts and the width it has now."""
@@ -272,16 +275,6 @@ class Session:
                 grasp = replace(grasp, opening=max(grasp.opening, found.width))
         self._grasps[name] = grasp
         self.unsaved = True
-
-    def _touched(
-        self, pose: Float[np.ndarray, "4 4"], opening: float
-    ) -> tuple[Float[np.ndarray, "2 3"] | None, float | None, float]:
-        """Contacts, width and offset of the pads closed from `opening`; nothing unless both touch."""
-        closing = close_pads(self.world.surface, pose[None], np.array([opening]), self.gripper)
-        if not closing.touching[0].all():
-            return None, None, 0.0
-        offset = float(closing.local[0, :, 0].mean())
-        return closing.points[0], float(closing.width[0]), offset
 
     def _check_name(self, name: str) -> None:
         if not name or "/" in name or name != name.strip():

@@ -189,17 +189,20 @@ def save_grasps(
     for name in names:
         if names.count(name) > 1:
             raise GraspFileError("two grasps share a name", path=path, key="grasps", value=name)
-    block = {"version": 1, "category": category, "length_unit": "m", "gripper": gripper}
-    if canonical_sha256 is not None:
-        block["canonical_sha256"] = canonical_sha256
     data = {
         "format": "isaac_grasp",
         "format_version": 1.0,
         "object_frame": "canonical",
         "gripper_frame": "tcp",
-        "grasptransfer": block,
+        "grasptransfer": file_block(category, gripper, canonical_sha256),
         "grasps": {grasp.name: write_entry(grasp) for grasp in grasps},
     }
     with replacing(path) as temporary:
         temporary.write_text(dump_yaml(data), encoding="utf-8")
     return path
+
+
+def file_block(category: str, gripper: str, canonical_sha256: str | None) -> dict[str, Any]:
+    """The `grasptransfer` block of a grasp file: for which model and gripper its grasps are."""
+    block: dict[str, Any] = {"version": 1, "category": category, "length_unit": "m", "gripper": gripper}
+    return block if canonical_sha256 is None else block | {"canonical_sha256": canonical_sha256}
