@@ -1,6 +1,8 @@
 """Files: checksums, YAML and JSON with their mistakes named; what is written is there whole or not at all."""
 
 import contextlib
+import dataclasses
+import enum
 import hashlib
 import json
 import os
@@ -20,6 +22,58 @@ from grasptransfer.errors import GraspTransferError, SettingsError
 def sha256(path: Path) -> str:
     """Checksum of a file's bytes, hexadecimal."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def content_key(*parts: object) -> str:
+    """A checksum, hexadecimal, that changes whenever any part does: what names a result by all that made it.
+
+    Args:
+        parts: numbers, texts, arrays, dataclasses, and lists, sets and mappings of them. A `Path` counts with what
+            it holds: the bytes of its file, or those of every file below its folder and their names there.
+
+    Raises:
+        FileNotFoundError: a path that does not exist.
+    """
+    digest = hashlib.sha256()
+    for piece in _pieces(parts):
+        digest.update(len(piece).to_bytes(8, "little") + piece)
+    return digest.hexdigest()
+
+
+def _pieces(value: object) -> Iterator[bytes]:
+    """The value as bytes, in an order of its own; what it is comes first."""
+    if isinstance(value, Path):
+        yield from _files(value)
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        yield type(value).__name__.encode()
+        yield from _pieces(fields)
+    elif isinstance(value, dict):
+        yield f"mapping of {len(value)}".encode()
+        for key in sorted(value, key=repr):
+            yield repr(key).encode()
+            yield from _pieces(value[key])
+    elif isinstance(value, (list, tuple)):
+        yield f"list of {len(value)}".encode()
+        for item in value:
+            yield from _pieces(item)
+    elif isinstance(value, (set, frozenset)):
+        yield from _pieces(sorted(value))
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype} {value.shape}".encode()
+        yield value.tobytes()
+    else:
+        plain = value.item() if isinstance(value, np.generic) else value
+        assert isinstance(plain, (str, bytes, int, float, enum.Enum, type(None))), value
+        yield repr(plain).encode()
+
+
+def _files(path: Path) -> Iterator[bytes]:
+    names = sorted(below for below in path.rglob("*") if below.is_file()) if path.is_dir() else [path]
+    yield f"{len(names)} files".encode()
+    for name in names:
+        yield name.relative_to(path).as_posix().encode()
+        yield hashlib.sha256(name.read_bytes()).digest()
 
 
 def write_whole(path: str | Path, content: bytes) -> None:

@@ -1,17 +1,19 @@
 """The object as the physics sees it: convex parts, mass, centre of mass, inertia."""
 
-import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from grasptransfer.simulation.protocol import Protocol
-from grasptransfer.solids.decomposition import Decomposition, decompose
+from grasptransfer.solids.decomposition import decompose
 
 if TYPE_CHECKING:
     import trimesh
+
+Hull = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]
 
 
 @dataclass(frozen=True)
@@ -19,22 +21,20 @@ class Body:
     """A rigid body of convex parts, object frame.
 
     Args:
-        wavefront: its parts as text of an OBJ file, one object each.
+        hulls: vertices (v, 3) [m] and triangles (f, 3) of its convex parts.
         lowest: smallest z of all parts [m].
         mass: kg.
         centre_of_mass: (3,) [m].
         principal_moments: about the centre of mass, kg m2.
         principal_axes: rotation (3, 3) from their frame to the object's.
-        digest: of everything above.
     """
 
-    wavefront: str = field(repr=False)
+    hulls: tuple[Hull, ...] = field(repr=False)
     lowest: float
     mass: float
     centre_of_mass: Float[np.ndarray, "3"]
     principal_moments: Float[np.ndarray, "3"]
     principal_axes: Float[np.ndarray, "3 3"]
-    digest: str
 
 
 def body_of(mesh: "trimesh.Trimesh | trimesh.Scene", protocol: Protocol) -> Body:
@@ -48,22 +48,25 @@ def body_of(mesh: "trimesh.Trimesh | trimesh.Scene", protocol: Protocol) -> Body
     moments, axes = np.linalg.eigh(solid.inertia * (mass / solid.volume))
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1
-    text = _wavefront(solid)
     lowest = min(float(part[:, 2].min()) for part in solid.parts)
-    numbers = np.concatenate([[mass], solid.centre_of_mass, moments, axes.ravel()])
-    digest = hashlib.sha256(text.encode() + numbers.tobytes()).hexdigest()[:16]
-    return Body(text, lowest, mass, solid.centre_of_mass, moments, axes, digest)
+    hulls = tuple(_hull(part) for part in solid.parts)
+    return Body(hulls, lowest, mass, solid.centre_of_mass, moments, axes)
 
 
-def _wavefront(solid: Decomposition) -> str:
+def _hull(points: Float[np.ndarray, "_ 3"]) -> Hull:
     import manifold3d
 
+    hull = manifold3d.Manifold.hull_points(points).to_mesh64()
+    vertices = np.array(hull.vert_properties)[:, :3]
+    return vertices, np.array(hull.tri_verts, np.int64)
+
+
+def wavefront(hulls: Sequence[Hull]) -> str:
+    """The hulls as text of an OBJ file, one object each."""
     lines, start = [], 1
-    for i, part in enumerate(solid.parts):
-        hull = manifold3d.Manifold.hull_points(part).to_mesh64()
-        vertices = np.asarray(hull.vert_properties)[:, :3]
+    for i, (vertices, triangles) in enumerate(hulls):
         lines.append(f"o part{i}")
         lines += ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in vertices]
-        lines += ["f {} {} {}".format(*face) for face in np.asarray(hull.tri_verts, np.int64) + start]
+        lines += ["f {} {} {}".format(*triangle) for triangle in triangles + start]
         start += len(vertices)
     return "\n".join(lines) + "\n"

@@ -15,6 +15,7 @@ from grasptransfer.grasping.grasp import Grasp
 from grasptransfer.grasping.gripper import Gripper, load_gripper
 from grasptransfer.grasping.placed_grasp import Executable, PlacedGrasp, placed
 from grasptransfer.simulation.body import body_of
+from grasptransfer.simulation.engines import choose_engine
 from grasptransfer.simulation.hand import hand_of
 from grasptransfer.simulation.ledger import Ledger, read_results
 from grasptransfer.simulation.outcome import TrialResult
@@ -32,6 +33,7 @@ def simulate(
     gripper: str | Path | Gripper = "panda",
     protocol: str | Protocol = "lift-shake-v1",
     *,
+    engine: str | None = None,
     trials: int = 1,
     perturb: Perturbation | None = None,
     friction: float | None = None,
@@ -43,7 +45,7 @@ def simulate(
     trial_limit: float = 60.0,
     on_trial: Callable[[int, int], None] | None = None,
 ) -> list[TrialResult]:
-    """Execute each grasp on `mesh` in PyBullet, by a named protocol.
+    """Execute each grasp on `mesh` in a physics engine, by a named protocol.
 
     A trial depends on its own inputs only: the same seed gives the same results in any process, order
     and number of workers.
@@ -54,6 +56,7 @@ def simulate(
         mesh: the object, object frame [m], z up as it stands.
         gripper: a name, a YAML file, or a loaded one.
         protocol: a name, or a protocol of your own.
+        engine: `pybullet` or `mujoco`; None: PyBullet where it is installed.
         trials: of each grasp. One trial executes it exactly; several are perturbed.
         perturb: errors added to every trial; None: the protocol's where there are several trials.
         friction: of pad on object; None: the protocol's.
@@ -71,7 +74,7 @@ def simulate(
     Raises:
         SettingsError, GripperError, GraspFileError, PoseError, MeshError: wrong input.
     """
-    chosen = load_protocol(protocol)
+    chosen, engine = load_protocol(protocol), choose_engine(engine)
     check_seed(seed)
     _check_numbers(trials, workers, frames, friction)
     loaded = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
@@ -88,7 +91,7 @@ def simulate(
     )
     if not jobs:
         return []
-    setup = Setup(body_of(mesh, chosen), hand_of(loaded), chosen)
+    setup = Setup(body_of(mesh, chosen), hand_of(loaded), chosen, engine)
     keys = [job_key(setup, job) for job in jobs]
     known = {} if results_path is None or frames else read_results(results_path)
     results = {i: known[key] for i, key in enumerate(keys) if key in known}

@@ -1,6 +1,5 @@
 """The gripper as the physics sees it: a URDF below its base link, and how its joints share a force."""
 
-import hashlib
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -30,10 +29,12 @@ class Hand:
         joints: name and ratio to the driver of each moving joint, the driver first.
         drivers, openings: tables of driver values and the pad distances that belong to them [m].
         offsets: of each joint, metres or radians.
+        opening: smallest and largest distance between the pads [m].
+        link_names: of every link, the base first.
         pad_links: names of the links with the -x and the +x pad.
         pad_bodies: names of all links that move with each pad.
+        pad_centres: (2, 3) of their faces, each in its link's frame [m].
         force_limit: [N].
-        digest: of everything above.
     """
 
     name: str
@@ -45,10 +46,11 @@ class Hand:
     drivers: Float[np.ndarray, "t"] = field(repr=False)
     openings: Float[np.ndarray, "t"] = field(repr=False)
     opening: tuple[float, float]
+    link_names: tuple[str, ...]
     pad_links: tuple[str, str]
     pad_bodies: tuple[frozenset[str], frozenset[str]]
+    pad_centres: Float[np.ndarray, "2 3"]
     force_limit: float
-    digest: str
 
     def joint_positions(self, opening: float) -> dict[str, float]:
         """Joint values, metres or radians, at this distance between the pads [m]."""
@@ -69,7 +71,6 @@ def hand_of(gripper: Gripper) -> Hand:
     moving = [joint for joint in gripper.finger_joints if joint.ratio != 0]
     joints = tuple((joint.name, joint.ratio) for joint in moving)
     first, second = gripper.pads
-    text = repr((gripper.name, urdf, meshes, joints, gripper.base_from_tcp.tolist(), gripper.opening))
     return Hand(
         name=gripper.name,
         urdf=urdf,
@@ -80,10 +81,11 @@ def hand_of(gripper: Gripper) -> Hand:
         drivers=np.array(gripper.driver_table),
         openings=np.array(gripper.opening_table),
         opening=gripper.opening,
+        link_names=tuple(link.name for link in gripper.links),
         pad_links=(first.link, second.link),
         pad_bodies=gripper.pad_bodies,
+        pad_centres=np.stack([first.centre, second.centre]),
         force_limit=gripper.force_limit,
-        digest=hashlib.sha256(text.encode()).hexdigest()[:16],
     )
 
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from grasptransfer.frames import invert, rotation_angle
 from grasptransfer.simulation import motion
+from grasptransfer.simulation.engines.seam import World
 from grasptransfer.simulation.outcome import Recording, TrialResult, TrialStatus
-from grasptransfer.simulation.world import World
 
 LEAST_ROOM = 0.001  # m on each side of the object, below which the gripper does not get around it
 WATCH = 0.05  # s between looks at contacts and slip
@@ -221,7 +221,7 @@ class _Trial:
         """Carry the TCP along a path, one place for each step."""
         orientations = Rotation.from_matrix(rotations).as_quat().tolist()
         for i, (place, orientation) in enumerate(zip(places.tolist(), orientations, strict=True)):
-            self.gripper.move(place, orientation)
+            self.gripper.carry(place, orientation)
             self._step(1)
             if (i + 1) % self._watch_every == 0:
                 self._watch()
@@ -265,7 +265,8 @@ class _Trial:
 
     def _both_pads(self, otherwise: TrialStatus | None = None):
         links, _ = self.world.touching()
-        missing = [side for side, pad in zip(("-x", "+x"), self.gripper.pads, strict=True) if not pad & links]
+        pads = zip(("-x", "+x"), self.world.hand.pad_bodies, strict=True)
+        missing = [side for side, pad in pads if not pad & links]
         if missing:
             text = f"the {' and the '.join(missing)} pad touches nothing"
             raise _Ended(otherwise or self._slipped(), text)
@@ -289,6 +290,7 @@ class _Trial:
         if not self._moments:  # ended before anything moved: show how it stands
             self._record(moment=0.0)
         seconds, phases, objects, links = zip(*self._moments, strict=True)
-        height = self.world.body.lowest if self.world.table is not None else None
         poses = {name: np.stack([pose[name] for pose in links]) for name in links[0]}
-        return Recording(np.array(seconds) - seconds[0], phases, np.stack(objects), poses, height)
+        return Recording(
+            np.array(seconds) - seconds[0], phases, np.stack(objects), poses, self.world.table_height
+        )

@@ -10,12 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.frames import invert
-from grasptransfer.simulation.client import BASE, Client, position_and_quaternion, transform
+from grasptransfer.simulation.engines.bullet_client import BASE, Client, position_and_quaternion, transform
+from grasptransfer.simulation.engines.seam import FloatingGripper
 from grasptransfer.simulation.hand import Hand
 from grasptransfer.simulation.protocol import Protocol
 
 
-class FloatingGripper:
+class BulletGripper(FloatingGripper):
     """One gripper in the world of `client`.
 
     Args:
@@ -26,7 +27,7 @@ class FloatingGripper:
     """
 
     def __init__(self, client: Client, hand: Hand, protocol: Protocol, folder: Path):
-        self.hand, self.protocol = hand, protocol
+        super().__init__(hand, protocol)
         self._call, self._bullet = client.call, client.bullet
         flags = (
             self._bullet.URDF_USE_INERTIA_FROM_FILE
@@ -41,7 +42,7 @@ class FloatingGripper:
         self._mass_from_tcp = invert(base_from_mass) @ hand.base_from_tcp
         self._tcp_from_mass = invert(self._mass_from_tcp)
         self._set_dynamics()
-        for index, _ in self.joints:  # Bullet brakes every joint by a motor of its own
+        for index in self._joints:  # Bullet brakes every joint by a motor of its own
             self._call("setJointMotorControl2", self.body, index, self._bullet.VELOCITY_CONTROL, force=0)
         self._couple()
 
@@ -52,9 +53,8 @@ class FloatingGripper:
             info = self._call("getJointInfo", self.body, index)
             numbers[info[1].decode()] = index
             self.link_names[index] = info[12].decode()
-        self.joints = [(numbers[name], ratio) for name, ratio in self.hand.joints]
-        links = {name: index for index, name in self.link_names.items()}
-        self.pads = [{links[name] for name in body} for body in self.hand.pad_bodies]
+        self._joints = [numbers[name] for name, _ in self.hand.joints]
+        self._links = {name: index for index, name in self.link_names.items()}
 
     def _set_dynamics(self):
         # Apart from the links' own numbers: given together with damping, Bullet sets the base's.
@@ -72,7 +72,7 @@ class FloatingGripper:
     def _behind_joints(self) -> set[int]:
         """Links that move when the fingers do."""
         parents = {i: self._call("getJointInfo", self.body, i)[16] for i in self.link_names if i != BASE}
-        moving = {index for index, _ in self.joints}
+        moving = set(self._joints)
         for index in sorted(parents):  # parents come before their children
             if parents[index] in moving:
                 moving.add(index)
@@ -80,10 +80,11 @@ class FloatingGripper:
 
     def _couple(self):
         """Gears from the driver to every other joint."""
-        (driver, first), *others = self.joints
+        driver, *others = self._joints
+        (_, first), *ratios = self.hand.joints
         driver_offset, *offsets = self.hand.offsets
         axis, origin = [1, 0, 0], [0, 0, 0]
-        for (index, ratio), offset in zip(others, offsets, strict=True):
+        for index, (_, ratio), offset in zip(others, ratios, offsets, strict=True):
             relative, kind = ratio / first, self._bullet.JOINT_GEAR
             bodies = (self.body, driver, self.body, index)
             gear = self._call("createConstraint", *bodies, kind, axis, origin, origin)
@@ -103,20 +104,20 @@ class FloatingGripper:
         self._call("resetBasePositionAndOrientation", self.body, position, orientation)
         self._call("resetBaseVelocity", self.body, [0, 0, 0], [0, 0, 0])
         values = self.hand.joint_positions(opening)
-        for (index, _), (name, _) in zip(self.joints, self.hand.joints, strict=True):
+        for index, (name, _) in zip(self._joints, self.hand.joints, strict=True):
             self._call("resetJointState", self.body, index, values[name], 0.0)
 
     def hold(self, world_from_tcp: Float[np.ndarray, "4 4"]):
-        """Tie the TCP to the world; `move` carries it along."""
+        """Tie the TCP to the world; `carry` moves it."""
         position, orientation = position_and_quaternion(self._mass_from_tcp)
         at, turned = position_and_quaternion(world_from_tcp)
         ends = (self.body, BASE, -1, -1)
         frames = (position, at, orientation, turned)
         self._hold = self._call("createConstraint", *ends, self._bullet.JOINT_FIXED, [0, 0, 0], *frames)
         self.constraints.append(self._hold)
-        self.move(at, turned)
+        self.carry(at, turned)
 
-    def move(self, position: list[float], orientation: list[float]):
+    def carry(self, position: list[float], orientation: list[float]):
         """Carry the TCP to this place [m] and orientation (x, y, z, w), with finite force."""
         self._call(
             "changeConstraint",
@@ -126,39 +127,25 @@ class FloatingGripper:
             maxForce=self.protocol.hold_force,
         )
 
-    def drive_fingers(self, speed: float, force: float, opening: float):
-        """Move the pads together at `speed` [m/s each], with at most `force` [N each]."""
-        slope = self.hand.driver_slope(opening)
-        squares = sum(ratio**2 for _, ratio in self.joints)
-        for index, ratio in self.joints:
-            # By virtual work: together the joints do what the two pads' forces do.
-            self._call(
-                "setJointMotorControl2",
-                self.body,
-                index,
-                self._bullet.VELOCITY_CONTROL,
-                targetVelocity=-2 * speed * ratio / slope,
-                force=force * abs(slope * ratio) / squares,
-            )
+    def drive_joint(self, index: int, speed: float, force: float):
+        """Drive a finger joint at `speed` [m/s or rad/s] with at most `force` [N or N m]."""
+        mode = self._bullet.VELOCITY_CONTROL
+        self._call(
+            "setJointMotorControl2", self.body, self._joints[index], mode, targetVelocity=speed, force=force
+        )
+
+    def joint_values(self) -> Float[np.ndarray, "j"]:
+        """Of each joint of `hand.joints` [m or rad]."""
+        return np.array([state[0] for state in self._call("getJointStates", self.body, self._joints)])
 
     def world_from_tcp(self) -> Float[np.ndarray, "4 4"]:
         """Where the TCP is."""
         return transform(*self._call("getBasePositionAndOrientation", self.body)) @ self._mass_from_tcp
 
-    def opening(self) -> float:
-        """Distance between the pads, by the driver joint [m]."""
-        index, ratio = self.joints[0]
-        driver = (self._call("getJointState", self.body, index)[0] - self.hand.offsets[0]) / ratio
-        drivers, openings = self.hand.drivers, self.hand.openings
-        order = np.argsort(drivers)
-        return float(np.interp(driver, drivers[order], openings[order]))
-
-    def link_poses(self) -> dict[str, Float[np.ndarray, "4 4"]]:
-        """`world_from_link` of every link."""
-        base = self.world_from_tcp() @ invert(self.hand.base_from_tcp)
-        poses = {self.link_names[BASE]: base}
-        for index, name in self.link_names.items():
-            if index != BASE:
-                state = self._call("getLinkState", self.body, index, computeForwardKinematics=1)
-                poses[name] = transform(state[4], state[5])
-        return poses
+    def world_from_link(self, name: str) -> Float[np.ndarray, "4 4"]:
+        """Where a link is."""
+        index = self._links[name]
+        if index == BASE:
+            return self.world_from_tcp() @ invert(self.hand.base_from_tcp)
+        state = self._call("getLinkState", self.body, index, computeForwardKinematics=1)
+        return transform(state[4], state[5])

@@ -14,45 +14,39 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.frames import invert, rigid
-from grasptransfer.simulation.body import Body
-from grasptransfer.simulation.client import BASE, Client, quaternion, transform
-from grasptransfer.simulation.floating_gripper import FloatingGripper
+from grasptransfer.simulation.body import Body, wavefront
+from grasptransfer.simulation.engines.bullet_client import BASE, Client, quaternion, transform
+from grasptransfer.simulation.engines.bullet_gripper import BulletGripper
+from grasptransfer.simulation.engines.seam import FAR, World
 from grasptransfer.simulation.hand import Hand
 from grasptransfer.simulation.protocol import GRAVITY, Protocol
 
-FAR = 0.25  # m, beyond any gripper's reach: how far distances are looked for
 TABLE_HALF_THICKNESS = 0.1  # m
 
 
-class World:
+class BulletWorld(World):
     """A physics client with one gripper and one object; a context manager."""
 
     def __init__(self, body: Body, hand: Hand, protocol: Protocol):
-        self.body, self.hand, self.protocol = body, hand, protocol
+        super().__init__(body, hand, protocol)
         self._client = Client()
         self._call = self._client.call
         self._shape: int | None = None
-        self.gripper: FloatingGripper | None = None
+        self._loaded: BulletGripper | None = None
         self._others: list[int] = []
         self._files = tempfile.TemporaryDirectory(prefix="grasptransfer-")
         self._folder = Path(self._files.name)
-        (self._folder / "object.obj").write_text(body.wavefront)
+        (self._folder / "object.obj").write_text(wavefront(body.hulls))
         (self._folder / "hand.urdf").write_text(hand.urdf)
         for name, text in hand.meshes:
             (self._folder / name).write_text(text)
-
-    def __enter__(self) -> "World":
-        return self
-
-    def __exit__(self, *_):
-        self.close()
 
     def close(self):
         """Disconnect."""
         self._client.close()
         self._files.cleanup()
 
-    def load(self, friction: float) -> FloatingGripper:
+    def load(self, friction: float) -> BulletGripper:
         """A fresh gripper, and the object at the origin, always in this order.
 
         Args:
@@ -60,18 +54,18 @@ class World:
         """
         if self._shape is None:
             self._prepare()
-        if self.gripper is not None:
-            for constraint in self.gripper.constraints:
+        if self._loaded is not None:
+            for constraint in self._loaded.constraints:
                 self._call("removeConstraint", constraint)
-            for body in (self.gripper.body, *self._others):
+            for body in (self._loaded.body, *self._others):
                 self._call("removeBody", body)
-        self.gripper = FloatingGripper(self._client, self.hand, self.protocol, self._folder)
+        self.gripper = self._loaded = BulletGripper(self._client, self.hand, self.protocol, self._folder)
         self._load_object(friction)
         self._others, self.table = [self.object], None
         if self.protocol.support == "table":
             self._load_table()
         self.weigh(self.protocol.support == "table")
-        return self.gripper
+        return self._loaded
 
     def _prepare(self):
         """What stays from trial to trial: the engine's numbers and the shape."""
@@ -155,19 +149,20 @@ class World:
 
     def overlapping(self) -> set[str]:
         """Links of the gripper that reach into the object, without a step of physics."""
-        hand = self._loaded()
+        hand = self._gripper()
         points = self._call("getClosestPoints", hand.body, self.object, 0.0)
         return {hand.link_names[point[3]] for point in points if point[8] < 0}
 
-    def touching(self) -> tuple[set[int], float]:
+    def touching(self) -> tuple[set[str], float]:
         """Links of the gripper that touch the object, and how deep the deepest contact is [m]."""
-        contacts = self._call("getContactPoints", self._loaded().body, self.object)
-        links = {contact[3] for contact in contacts if contact[8] <= 0 or contact[9] > 0}
+        hand = self._gripper()
+        contacts = self._call("getContactPoints", hand.body, self.object)
+        links = {hand.link_names[contact[3]] for contact in contacts if contact[8] <= 0 or contact[9] > 0}
         return links, max((-contact[8] for contact in contacts), default=0.0)
 
     def nearest(self) -> tuple[float, str, str]:
         """Least distance from the gripper to anything [m], the link and what it is."""
-        hand, best = self._loaded(), (FAR, "", "")
+        hand, best = self._gripper(), (FAR, "", "")
         for other, name in ((self.object, "the object"), (self.table, "the table")):
             if other is None:
                 continue
@@ -176,6 +171,6 @@ class World:
                     best = (point[8], hand.link_names[point[3]], name)
         return best
 
-    def _loaded(self) -> FloatingGripper:
-        assert self.gripper is not None, "load comes first"
-        return self.gripper
+    def _gripper(self) -> BulletGripper:
+        assert self._loaded is not None, "load comes first"
+        return self._loaded
