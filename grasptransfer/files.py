@@ -28,8 +28,8 @@ def content_key(*parts: object) -> str:
     """A checksum, hexadecimal, that changes whenever any part does: what names a result by all that made it.
 
     Args:
-        parts: numbers, texts, arrays, dataclasses, and lists, sets and mappings of them. A `Path` counts with what
-            it holds: the bytes of its file, or those of every file below its folder and their names there.
+        parts: numbers, texts, arrays, dataclasses, and lists, sets and mappings of them. A `Path` counts with
+            what it holds: the bytes of its file, or of every file below its folder and their names there.
 
     Raises:
         FileNotFoundError: a path that does not exist.

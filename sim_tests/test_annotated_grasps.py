@@ -7,10 +7,15 @@ import pytest
 
 import grasptransfer as gt
 from grasptransfer.grasping import expand_symmetry, load_grasps
-from grasptransfer.simulation import PROTOCOLS, robustness
+from grasptransfer.simulation import PROTOCOLS, installed_engines, robustness
 
 PROTOCOL = PROTOCOLS["lift-shake-v1"]
 TRIALS, ENOUGH = 20, 18
+
+
+@pytest.fixture(scope="module", params=installed_engines())
+def engine(request):
+    return request.param
 
 
 @pytest.fixture(scope="module", params=gt.list_categories())
@@ -23,9 +28,9 @@ def grasps(category):
     return load_grasps(category.grasps_path, category=category)
 
 
-def test_every_annotated_grasp_holds_the_canonical_model(category, grasps):
+def test_every_annotated_grasp_holds_the_canonical_model(category, grasps, engine):
     assert len(grasps) >= 6
-    trials = gt.simulate(grasps, category.canonical)
+    trials = gt.simulate(grasps, category.canonical, engine=engine)
     assert [(trial.grasp, trial.detail) for trial in trials if not trial.held] == []
     # Typed-in widths are those at which the pads meet the object.
     for grasp, trial in zip(grasps, trials, strict=True):

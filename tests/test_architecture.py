@@ -89,7 +89,7 @@ def test_commands_import_the_workshop_only_when_one_of_them_runs():
 
 
 def test_importing_the_package_loads_no_heavy_library():
-    heavy = ["torch", "pybullet", "pyrender", "fcl", "viser", "matplotlib", "numba", "pyglet"]
+    heavy = ["torch", "pybullet", "mujoco", "pyrender", "fcl", "viser", "matplotlib", "numba", "pyglet"]
     code = f"import sys, grasptransfer; print([m for m in {heavy} if m in sys.modules])"
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert output.stdout.strip() == "[]"

@@ -1,10 +1,12 @@
 """Files are written whole or not at all."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from grasptransfer.errors import PoseError, SettingsError
-from grasptransfer.files import read_array, read_data, replacing, sha256, write_whole
+from grasptransfer.files import content_key, read_array, read_data, replacing, sha256, write_whole
 
 
 def test_a_file_that_fails_half_way_leaves_the_old_one_and_nothing_else(tmp_path):
@@ -120,3 +122,40 @@ def test_rows_of_numbers_are_an_array_and_other_text_is_none(tmp_path):
     np.save(tmp_path / "a.npy", np.array([{}], dtype=object), allow_pickle=True)
     with pytest.raises(PoseError, match="npy"):
         read_array(tmp_path / "a.npy", error=PoseError)
+
+
+@dataclasses.dataclass
+class _Part:
+    size: float
+    name: str
+
+
+def test_a_content_key_changes_with_every_part_and_only_then():
+    array = np.arange(6.0)
+    first = ("a", 1, 2.5, None, array, {"x": [1, 2]}, _Part(1.0, "p"), frozenset({"l", "r"}))
+    others = [
+        ("b", *first[1:]),
+        (*first[:1], 2, *first[2:]),
+        (*first[:2], 2.5000001, *first[3:]),
+        (*first[:3], 0, *first[4:]),
+        (*first[:4], array.reshape(2, 3), *first[5:]),
+        (*first[:4], array.astype(np.float32), *first[5:]),
+        (*first[:5], {"x": [1], "y": [2]}, *first[6:]),
+        (*first[:6], _Part(1.0, "q"), *first[7:]),
+        (*first[:7], frozenset({"l"})),
+    ]
+    keys = [content_key(*parts) for parts in (first, *others)]
+    assert len(set(keys)) == len(keys)
+    assert content_key(*first[:4], array.copy(), {"x": [1, 2]}, _Part(1.0, "p"), frozenset("rl")) == keys[0]
+
+
+def test_a_path_counts_with_what_it_holds_and_not_with_where_it_is(tmp_path):
+    for name in ("here", "there"):
+        (tmp_path / name / "sub").mkdir(parents=True)
+        (tmp_path / name / "sub" / "mesh.obj").write_text("v 0 0 0")
+    key = content_key(tmp_path / "here")
+    assert content_key(tmp_path / "there") == key
+    (tmp_path / "there" / "sub" / "mesh.obj").write_text("v 0 0 1")
+    changed = content_key(tmp_path / "there")
+    (tmp_path / "here" / "sub" / "mesh.obj").rename(tmp_path / "here" / "sub" / "other.obj")
+    assert len({key, changed, content_key(tmp_path / "here")}) == 3

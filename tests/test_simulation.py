@@ -23,6 +23,8 @@ from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.engines import installed_engines, list_engines, open_world
 from grasptransfer.simulation.hand import hand_of
 from grasptransfer.simulation.trial import Job, _Trial
+from grasptransfer.solids.decomposition import decompose
+from grasptransfer.solids.reduced_hull import reduced_hull
 
 SMALL_ERRORS = Perturbation(position=0.001, degrees=1.0, friction=0.2)
 

@@ -97,13 +97,14 @@ def simulate(
     pose: Path | None = None,
     scale: float | None = None,
     protocol: str = "lift-shake-v1",
+    engine: str | None = None,
     trials: int = 1,
     workers: int = 1,
     results: Path | None = None,
     movies: Path | None = None,
     seed: int = 0,
 ) -> int:
-    """Execute grasps on a mesh in PyBullet.
+    """Execute grasps on a mesh in a physics engine.
 
     Args:
         grasps: grasp file in any format `convert` reads.
@@ -112,6 +113,7 @@ def simulate(
         pose: pose file of the object, for grasps that are in a camera's frame.
         scale: metres in one unit of the mesh; default: what the grasp file says, else 1.
         protocol: named and versioned execution protocol.
+        engine: pybullet or mujoco; default: PyBullet where it is installed.
         trials: perturbed trials of each grasp; 1 executes it exactly.
         workers: processes.
         results: JSON lines that an interrupted run resumes from.
@@ -127,6 +129,7 @@ def simulate(
         pose=pose,
         scale=scale,
         protocol=protocol,
+        engine=engine,
         trials=trials,
         workers=workers,
         results=results,

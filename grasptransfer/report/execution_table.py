@@ -27,13 +27,14 @@ def run_simulation(
     pose: Path | None = None,
     scale: float | None = None,
     protocol: str = "lift-shake-v1",
+    engine: str | None = None,
     trials: int = 1,
     workers: int = 1,
     results: Path | None = None,
     seed: int = 0,
     movies: Path | None = None,
 ) -> tuple[Table, int]:
-    """Execute the grasps of a file on a mesh in PyBullet; a table of them, and how many trials held.
+    """Execute the grasps of a file on a mesh in a physics engine; a table of them, and how many trials held.
 
     Args:
         grasps: file in any format `convert` reads; poses in the mesh's frame.
@@ -42,6 +43,7 @@ def run_simulation(
         pose: file with the object's pose, for grasps in a camera's frame.
         scale: metres in one unit of the mesh; None: as the grasp file says, else 1.
         protocol: by name.
+        engine: by name; None: PyBullet where it is installed.
         trials: of each grasp; 1 executes it exactly, more are perturbed.
         workers: processes.
         results: JSON lines to append to, and to resume from.
@@ -69,6 +71,7 @@ def run_simulation(
         solid,
         hand,
         protocol=protocol,
+        engine=engine,
         trials=trials,
         workers=workers,
         results_path=results,
@@ -88,7 +91,7 @@ def execution_table(outcomes: "Sequence[TrialResult]") -> Table:
 
     many = max((outcome.trial for outcome in outcomes), default=0) > 0
     first = outcomes[0] if outcomes else None
-    table = Table(title=f"{first.protocol}, {first.gripper}" if first else "nothing executed")
+    table = Table(title=f"{first.protocol}, {first.gripper}, {first.engine}" if first else "nothing executed")
     table.add_column("grasp")
     table.add_column("held", justify="right")
     if many:

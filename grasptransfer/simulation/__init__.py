@@ -1,8 +1,9 @@
-"""Grasps executed in PyBullet: named protocols, a reason for each failure, robustness over trials.
+"""Grasps executed in physics: named protocols, a reason for each failure, robustness over trials.
 
-Loaded on first use; PyBullet itself only when a trial runs.
+Loaded on first use; an engine, PyBullet or MuJoCo, only when a trial runs.
 """
 
+from grasptransfer.simulation.engines import installed_engines, list_engines
 from grasptransfer.simulation.execution import simulate
 from grasptransfer.simulation.outcome import (
     Recording,
@@ -28,6 +29,8 @@ __all__ = [
     "Robustness",
     "TrialResult",
     "TrialStatus",
+    "installed_engines",
+    "list_engines",
     "list_protocols",
     "load_protocol",
     "robustness",

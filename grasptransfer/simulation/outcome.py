@@ -77,7 +77,7 @@ class TrialResult:
         slip_mm, slip_degrees: how far the object moved in the gripper after the fingers had closed.
         max_penetration_mm: deepest overlap of gripper and object after that.
         width_mm: distance between the pads at the end.
-        protocol, gripper: names.
+        protocol, gripper, engine: names.
         friction: of this trial.
         seconds: of computing.
         recording: poses over time, where asked for; not kept in files.
@@ -94,6 +94,7 @@ class TrialResult:
     width_mm: float = 0.0
     protocol: str = ""
     gripper: str = ""
+    engine: str = ""
     friction: float = 0.0
     seconds: float = field(default=0.0, compare=False)
     recording: Recording | None = field(default=None, compare=False, repr=False)

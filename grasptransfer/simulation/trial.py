@@ -73,6 +73,7 @@ def run_trial(world: World, job: Job) -> TrialResult:
         width_mm=round(trial.gripper.opening() * 1e3, 4),
         protocol=world.protocol.name,
         gripper=world.hand.name,
+        engine=world.engine,
         friction=job.friction,
         seconds=time.perf_counter() - started,
         recording=trial.recording(),

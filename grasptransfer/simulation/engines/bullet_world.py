@@ -27,6 +27,8 @@ TABLE_HALF_THICKNESS = 0.1  # m
 class BulletWorld(World):
     """A physics client with one gripper and one object; a context manager."""
 
+    engine = "pybullet"
+
     def __init__(self, body: Body, hand: Hand, protocol: Protocol):
         super().__init__(body, hand, protocol)
         self._client = Client()

@@ -6,6 +6,9 @@ Motors give all their force at a standstill and none at the wanted speed, as a d
 MuJoCo then takes them implicitly, and they do not chatter.
 """
 
+# MuJoCo's package has no types.
+# pyright: reportAttributeAccessIssue=false
+
 from collections.abc import Iterable
 
 import mujoco
@@ -126,6 +129,7 @@ class MujocoGripper(FloatingGripper):
 class MujocoWorld(World):
     """A compiled model and its state; a context manager."""
 
+    engine = "mujoco"
     gripper: MujocoGripper
 
     def __init__(self, body: Body, hand: Hand, protocol: Protocol):

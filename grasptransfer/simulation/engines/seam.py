@@ -105,6 +105,7 @@ class World(ABC):
         protocol: of the trials.
     """
 
+    engine: str
     gripper: FloatingGripper
 
     def __init__(self, body: Body, hand: Hand, protocol: Protocol):
