@@ -1,15 +1,20 @@
 """Pinhole camera in OpenCV convention, without distortion."""
 
 import dataclasses
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.camera_files import read_intrinsics
 from grasptransfer.errors import CameraError
-from grasptransfer.files import read_yaml
 
+LOG = logging.getLogger(__name__)
+OFF_CENTRE = 0.15  # of a side; lenses are centred to a few percent, and a turned 4:3 picture is off by 17
+OBLONG = 2.0  # sides of a pixel: analogue video had 1.1
+ALIKE, NEAR_CORNER = 0.1, 0.05  # how well a guess at the reason must agree
 WIDEST = 20.0  # picture widths to a focal length, 169 degrees: no lens without distortion sees more
 
 
@@ -69,7 +74,7 @@ class Camera:
         """Camera of a 3x3 intrinsic matrix [px].
 
         Raises:
-            CameraError: another shape, not finite, transposed, with skew, or of a picture of size 1.
+            CameraError: another shape, not finite, transposed, with skew, or of another picture.
         """
         try:
             k = np.array(matrix, dtype=float)
@@ -84,45 +89,69 @@ class Camera:
             raise CameraError("its last row must be 0, 0, 1", key="camera", value=k.tolist(), fix=fix)
         if abs(k[0, 1]) > 1e-6 or abs(k[1, 0]) > 1e-6:
             raise CameraError("intrinsics with skew are not supported", key="camera", value=k.tolist())
-        if 0 < k[0, 0] < width / WIDEST:
-            fix = "Are they in shares of the picture's size? Multiply by width and height"
-            raise CameraError(
-                "focal length is too short for pixels", key="camera", value=float(k[0, 0]), fix=fix
-            )
-        return Camera(float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), width, height)
+        camera = Camera(float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), width, height)
+        camera.check_fits()
+        return camera
 
     @staticmethod
-    def load(path: str | Path) -> "Camera":
-        """Read a YAML or JSON camera file: `fx fy cx cy width height` [px], or BOP's `cam_K width height`.
+    def load(
+        path: str | Path, *, size: tuple[int, int] | None = None, image: str | Path | None = None
+    ) -> "Camera":
+        """Read a camera file; `camera_files` lists the formats. A photograph gives its EXIF focal length.
+
+        Args:
+            path: of the file.
+            size: width and height of the picture [px], for files that do not say it.
+            image: the picture; its name selects the entry of a file of many pictures.
 
         Raises:
-            CameraError: unreadable, a key is missing or no number; names file and key.
+            CameraError: unreadable, of no known format, or of another picture; names file and key.
         """
-        path = Path(path)
-        data = read_yaml(path, error=CameraError)
-        names = [field.name for field in dataclasses.fields(Camera)]
+        found = read_intrinsics(path, image=image)
+        if not found.convention.startswith("our"):
+            LOG.warning("%s was read as %s.", path, found.convention)
+        size = found.size or size
+        if size is None:
+            fix = "Add width and height to it, or give size=(width, height)"
+            raise CameraError("does not say the picture's size", path=path, key="width", fix=fix)
         try:
-            if "cam_K" in data:
-                for name in ("width", "height"):
-                    if name not in data:
-                        raise CameraError("is missing", path=path, key=name)
-                try:
-                    k = np.array(data["cam_K"], dtype=float).reshape(3, 3)
-                except (TypeError, ValueError) as error:
-                    value = data["cam_K"]
-                    raise CameraError("must hold 9 numbers", path=path, key="cam_K", value=value) from error
-                return Camera.from_matrix(k, data["width"], data["height"])
-            missing = [name for name in names if name not in data]
-            if missing:
-                raise CameraError("is missing", path=path, key=missing[0], choices=names)
-            for name in names:
-                if isinstance(data[name], bool) or not isinstance(data[name], int | float):
-                    raise CameraError("must be a number", path=path, key=name, value=data[name])
-            return Camera(**{name: data[name] for name in names})
+            return Camera.from_matrix(found.matrix, *size)
         except CameraError as error:
-            if error.path is not None:
-                raise
             raise error.at(path) from error
+
+    def check_fits(self) -> None:
+        """Refuse intrinsics that no whole picture of this size has; what `crop` gives may well have them.
+
+        Raises:
+            CameraError: the focal length or the principal point is another picture's, with the likely reason.
+        """
+        if self.fx < self.width / WIDEST:
+            fix = "Are they in shares of the picture's size? Multiply by width and height"
+            raise CameraError("focal length is too short for pixels", key="camera", value=self.fx, fix=fix)
+        if not 1 / OBLONG < self.fx / self.fy < OBLONG:
+            value = f"fx {self.fx:g}, fy {self.fy:g}"
+            raise CameraError("focal lengths differ more than any pixel's sides", key="camera", value=value)
+        middle = (self.width - 1) / 2, (self.height - 1) / 2
+        off = abs(self.cx - middle[0]) / self.width, abs(self.cy - middle[1]) / self.height
+        if max(off) > OFF_CENTRE:
+            raise CameraError(
+                f"principal point lies far from the middle of a picture of {self.width} x {self.height}",
+                key="camera",
+                value=f"cx {self.cx:g}, cy {self.cy:g}",
+                fix=self._likely(middle),
+            )
+
+    def _likely(self, middle: tuple[float, float]) -> str:
+        """Why the principal point may be where it is."""
+        if abs(self.cx) < NEAR_CORNER * self.width and abs(self.cy) < NEAR_CORNER * self.height:
+            return f"Is it measured from the middle? Add {middle[0]:g} and {middle[1]:g}"
+        if np.allclose([self.cx, self.cy], middle[::-1], rtol=ALIKE):
+            return "They are those of the picture turned by 90 degrees: turn one of them"
+        factors = self.width / (2 * self.cx + 1), self.height / (2 * self.cy + 1)
+        if min(factors) > 0 and abs(factors[0] / factors[1] - 1) < ALIKE:
+            of = f"{2 * self.cx + 1:.0f} x {2 * self.cy + 1:.0f}"
+            return f"They are those of a picture of about {of}: multiply them by {np.mean(factors):.4g}"
+        return "Was the picture cut out of a larger one? Give that one's Camera(...).crop(box, width, height)"
 
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
@@ -139,6 +168,10 @@ class Camera:
         """Points in the camera frame [m] of pixels (u, v) at `depth` [m] along the optical axis."""
         rays = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
         return np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1) * depth[..., None]
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """Camera of the whole picture resized to width x height."""
+        return self.crop((-0.5, -0.5, self.width - 0.5, self.height - 0.5), width, height)
 
     def crop(self, box: tuple[float, float, float, float], width: int, height: int) -> "Camera":
         """Camera of the picture cut at `box` and resized to width x height.

@@ -28,9 +28,9 @@ def entry_of(
         data = shared | _frame_of(data["frames"], path, image, error)
     elif isinstance(data, dict) and data and all(key.isdecimal() for key in data):
         data = _numbered(data, path, image, error)
-    if isinstance(data, list):
+    if isinstance(data, list) and data and all(isinstance(one, dict) for one in data):
         if len(data) != 1:
-            labels = [one.get("obj_id", one.get("label")) if isinstance(one, dict) else one for one in data]
+            labels = [one.get("obj_id", one.get("label")) for one in data]
             raise error(
                 f"holds {len(data)} entries where one is wanted",
                 path=path,

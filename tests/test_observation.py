@@ -138,3 +138,33 @@ def test_missing_depth_becomes_zero():
     depth = np.full((120, 160), 0.7)
     depth[:5] = np.nan
     assert (observe(RGB, POSE, camera=CAMERA, depth=depth).depth[:5] == 0).all()
+
+
+def test_the_camera_of_a_photograph_is_read_from_its_exif_data(tmp_path, caplog):
+    path, exif = tmp_path / "photo.jpg", Image.Exif()
+    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 30
+    Image.fromarray(RGB).save(path, exif=exif)
+    for image in (path, Image.open(path)):
+        with caplog.at_level(logging.WARNING):
+            camera = observe(image, POSE).camera
+        assert camera.fx == pytest.approx(30 / np.hypot(36, 24) * 200)
+        assert "EXIF" in caplog.text
+    assert observe(path, POSE, camera=CAMERA).camera == CAMERA
+
+
+def test_a_matrix_in_a_file_takes_the_size_of_the_picture(tmp_path):
+    np.savetxt(tmp_path / "cam_K.txt", CAMERA.matrix)
+    assert observe(RGB, POSE, camera=tmp_path / "cam_K.txt").camera == CAMERA
+
+
+@pytest.mark.parametrize(
+    ("camera", "reason"),
+    [
+        (CAMERA.resized(320, 240), r"resized: give camera\.resized\(160, 120\)"),
+        (Camera.from_fov(120, 160, 1.0), "turned by 90 degrees"),
+        (Camera.from_fov(500, 200, 1.0), r"camera\.crop"),
+    ],
+)
+def test_the_camera_of_another_picture_is_refused_with_the_likely_reason(camera, reason):
+    with pytest.raises(ImageError, match=reason):
+        observe(RGB, POSE, camera=camera)

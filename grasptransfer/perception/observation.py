@@ -12,10 +12,10 @@ from grasptransfer.camera import Camera
 from grasptransfer.drawing.boxes import Box
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import check_rigid
+from grasptransfer.perception.picture_camera import camera_of
 from grasptransfer.poses import check_in_view
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 16384  # px
-DEFAULT_FOV = np.deg2rad(60.0)
 logger = logging.getLogger(__name__)
 
 
@@ -46,8 +46,8 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
     Args:
         image: path, PIL picture or uint8 (h, w, 3) RGB array.
         pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
-        camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for 60 degrees horizontal field
-            of view.
+        camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None: the focal length in the
+            photograph's EXIF data, else 60 degrees horizontal field of view, with a warning.
         mask: bool (h, w), or box (u0, v0, u1, v1) [px], or None.
         depth: (h, w) metres, 0 = missing, or None.
 
@@ -56,7 +56,7 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
     """
     pixels = read_image(image)
     height, width = pixels.shape[:2]
-    camera = _checked_camera(camera, width, height)
+    camera = camera_of(image, camera, width, height)
     camera_from_object = check_rigid(pose, "pose")
     check_in_view(camera_from_object, camera)
     box = None
@@ -159,24 +159,6 @@ def _to_rgb(image: np.ndarray, source: Path | None) -> UInt8[np.ndarray, "h w 3"
     if image.ndim != 3 or image.shape[2] != 3:
         raise ImageError("must have shape (height, width, 3)", path=source, key="image", value=image.shape)
     return np.ascontiguousarray(image)
-
-
-def _checked_camera(camera, width: int, height: int) -> Camera:
-    if camera is None:
-        logger.warning("No camera given: 60 degrees horizontal field of view is assumed.")
-        return Camera.from_fov(width, height, DEFAULT_FOV)
-    if isinstance(camera, str | Path):
-        camera = Camera.load(camera)
-    if not isinstance(camera, Camera):
-        return Camera.from_matrix(camera, width, height)
-    if (camera.width, camera.height) != (width, height):
-        raise ImageError(
-            f"size differs from the camera's {camera.width} x {camera.height}",
-            key="image",
-            value=f"{width} x {height}",
-            fix="Give the intrinsics of this picture, or resize it to the camera's size",
-        )
-    return camera
 
 
 def _checked_mask(mask, width: int, height: int) -> tuple[np.ndarray | None, Box]:

@@ -92,7 +92,7 @@ def run_transfer(
         raise SettingsError("tells again what the mask tells", key="box", value=box, fix="Give one of them")
     pixels, told = read_image(image), load_pose(pose, image=image)
     seen = {
-        "camera": None if camera is None else Camera.load(camera),
+        "camera": camera if camera is None else Camera.load(camera, size=pixels.shape[1::-1], image=image),
         "mask": box if mask is None else load_mask(mask),
         "depth": None if depth is None else load_depth(depth),
         "scene": None if scene is None else load_scene(scene),
