@@ -12,6 +12,7 @@ from grasptransfer.errors import NotSucceeded, PointCloudError, PoseError
 from grasptransfer.frames import rigid
 from grasptransfer.registration import (
     DeformationField,
+    DisplacementModel,
     LatentFitStatus,
     PosePrior,
     PreparedSource,
@@ -138,8 +139,7 @@ def test_the_jacobian_is_that_of_finite_differences(seed, refine, covered, slidi
     model = rng.normal(size=(30, 3)) * 0.05
     posed = Posed(
         model,
-        rng.normal(size=(30, 3)) * 0.01,
-        rng.normal(size=(30, 3, 2)) * 0.01,
+        DisplacementModel(rng.normal(size=(30, 3)) * 0.01, rng.normal(size=(30, 3, 2)) * 0.01),
         rigid(Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3)),
         PosePrior() if refine else None,
     )
@@ -165,12 +165,12 @@ def test_the_jacobian_is_that_of_finite_differences(seed, refine, covered, slidi
 def test_it_fits_no_worse_than_nearest_points_alone(space):
     """Against the predecessor's objective: nearest-point distance, no prior, from the mean shape."""
     model = space.control_points
-    mean, basis = space.displacement_model(model)
+    displacement = space.displacement_model(model)
     for latent in LATENTS:
         cloud = dense(space, latent)
 
         def distances(x, cloud=cloud):
-            return cKDTree(model + mean + basis @ x).query(cloud)[0]
+            return cKDTree(displacement.displaced(model, x)).query(cloud)[0]
 
         theirs = np.square(distances(least_squares(distances, np.zeros(3)).x)).mean()
         ours = np.square(distances(latent_fit(space, cloud, robust_scale=100.0, sliding=0.0).latent)).mean()

@@ -10,6 +10,7 @@ from grasptransfer.camera import Camera
 from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import rotation_angle, transform_points
 from grasptransfer.perception.pose_and_shape import TOLD_POSE, Motion, fit_pose_and_shape
+from grasptransfer.registration import DisplacementModel
 
 CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
 
@@ -22,11 +23,11 @@ def _case(seed: int, modes: int = 4):
     basis = np.stack([points @ rng.normal(0, 0.1, (3, 3)) for _ in range(modes)], axis=-1)
     mean = points @ rng.normal(0, 0.02, (3, 3))
     pose = look_at(0.5, rng.uniform(0, 6), rng.uniform(0, 1))
-    return rng, points, (mean, basis), pose, rng.normal(size=modes)
+    return rng, points, DisplacementModel(mean, basis), pose, rng.normal(size=modes)
 
 
 def _motion(points, model, pose, latent, scale=1.0):
-    offsets = model[0] + model[1] @ latent
+    offsets = model.at(latent)
     pixels = CAMERA.project(transform_points(pose, points + offsets))
     return Motion(offsets, np.full(len(points), 1e-4 * scale), pixels, np.full(len(points), 0.05 * scale))
 

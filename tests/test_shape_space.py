@@ -132,8 +132,8 @@ def test_unbelieved_displacements_leave_a_smooth_space_near_the_true_one():
     partial = learn(weights, n_modes=3, method="em", observed=observed)
     between = np.random.default_rng(1).normal(size=(50, 3)) * 0.05
     for where in (points, between):
-        miss = partial.displacement_model(where)[0] - full.displacement_model(where)[0]
-        moved = full.displacement_model(where)[1]
+        miss = partial.displacement_model(where).mean - full.displacement_model(where).mean
+        moved = full.displacement_model(where).basis
         # A fifth of the entries are gone: the mean stays within a tenth of a typical deformation.
         assert np.linalg.norm(miss) < 0.1 * np.linalg.norm(moved)
 
@@ -153,10 +153,10 @@ def test_modes_are_orthogonal_in_the_metric_and_as_long_as_their_variance():
 def test_the_displacement_model_is_the_field():
     space = learn(n_modes=3)
     points = np.random.default_rng(5).normal(size=(70, 3)) * 0.05
-    mean, basis = space.displacement_model(points)
+    model = space.displacement_model(points)
     latent = np.array([0.5, -1.0, 2.0])
-    np.testing.assert_allclose(mean + basis @ latent, space.field(latent).displacement(points), atol=1e-9)
-    np.testing.assert_allclose(mean, space.field().displacement(points), atol=1e-9)
+    np.testing.assert_allclose(model.at(latent), space.field(latent).displacement(points), atol=1e-9)
+    np.testing.assert_allclose(model.mean, space.field().displacement(points), atol=1e-9)
 
 
 @settings(max_examples=15)
@@ -198,7 +198,7 @@ def test_points_with_less_noise_count_more():
     points = control()[:2]
     seen = np.stack([space.field(np.ones(3)).displacement(points[:1])[0], np.array([0.1, 0.1, 0.1])])
     trusting = space.map_estimate(points, seen, np.array([1e-4, 1.0]))
-    miss = trusting.mean @ space.displacement_model(points)[1][0].T + space.displacement_model(points)[0][0]
+    miss = space.displacement_model(points).at(trusting.mean)[0]
     np.testing.assert_allclose(miss, seen[0], atol=1e-3)
 
 

@@ -6,6 +6,7 @@ from grasptransfer.camera import Camera
 from grasptransfer.drawing.views import look_at
 from grasptransfer.perception.pose_and_shape import Motion, Outline, fit_pose_and_shape
 from grasptransfer.perception.silhouette import Silhouette
+from grasptransfer.registration import DisplacementModel
 
 CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
 POSE = look_at(0.5, 0.4, 0.3)
@@ -67,12 +68,12 @@ def test_a_larger_mask_makes_the_model_grow_to_it():
     fit = fit_pose_and_shape(
         vague,
         few,
-        (np.zeros((20, 3)), basis[:20]),
+        DisplacementModel(np.zeros((20, 3)), basis[:20]),
         camera=CAMERA,
         told_pose=POSE,
         start_pose=POSE,
         pose_prior=None,
-        outline=Outline(silhouette, points, np.zeros_like(points), basis),
+        outline=Outline(silhouette, points, DisplacementModel(np.zeros_like(points), basis)),
     )
     grown = 0.05 * (1 + 0.1 * fit.latent[0])
     # The mask's cells are 4 px or 2.5 mm wide; their border is interpolated to a fraction of that.

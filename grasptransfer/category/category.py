@@ -17,7 +17,7 @@ from grasptransfer.meshes import read_scene
 if TYPE_CHECKING:
     import trimesh
 
-    from grasptransfer.registration import DeformationField, ShapeSpace
+    from grasptransfer.registration import DeformationField, DisplacementModel, ShapeSpace
 
 CANONICAL = "canonical.glb"
 SHAPE_SPACE = "shape_space.npz"
@@ -105,8 +105,8 @@ class Category:
         return ShapeSpace.load(self.checked_path(SHAPE_SPACE))
 
     @cached_property
-    def vertices_by_latent(self) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]:
-        """Mean and basis of the displacement of the canonical model's vertices: mean + basis @ latent [m]."""
+    def vertices_by_latent(self) -> "DisplacementModel":
+        """How the latent displaces the canonical model's vertices."""
         return self.shape_space.displacement_model(np.asarray(self.canonical.vertices))
 
     @cached_property

@@ -139,7 +139,7 @@ def _basis(points, faces, mesh: "trimesh.Trimesh", category: "Category") -> Floa
     import trimesh
 
     weights = trimesh.triangles.points_to_barycentric(np.asarray(mesh.triangles[faces]), points)
-    of_corners = category.vertices_by_latent[1][np.asarray(mesh.faces)[faces]]
+    of_corners = category.vertices_by_latent.basis[np.asarray(mesh.faces)[faces]]
     return np.einsum("mc,mcik->mik", weights, of_corners)
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from grasptransfer.camera import Camera
 from grasptransfer.frames import drift, moved
 from grasptransfer.perception.silhouette import Meetings, Silhouette
-from grasptransfer.registration import PosePrior
+from grasptransfer.registration import DisplacementModel, PosePrior, motion_along
 
 # Neighbouring cells err together, and much of what they say the latent prior from the same picture has
 # said already, above all of depth: all cells count as much as this many independent ones.
@@ -66,17 +66,16 @@ class Outline:
 
     Args:
         points: (v, 3) canonical surface points [m].
-        mean, basis: their displacement model, `ShapeSpace.displacement_model(points)` [m].
+        model: of their displacement by the latent, `ShapeSpace.displacement_model(points)`.
     """
 
     silhouette: Silhouette
     points: Float[np.ndarray, "v 3"]
-    mean: Float[np.ndarray, "v 3"]
-    basis: Float[np.ndarray, "v 3 k"]
+    model: DisplacementModel
 
     def shaped(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
         """The surface points of the shape with this latent, object frame [m]."""
-        return self.points + self.mean + self.basis @ latent
+        return self.model.displaced(self.points, latent)
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ class PoseAndShape:
 def fit_pose_and_shape(
     motion: Motion,
     points: Float[np.ndarray, "c 3"],
-    model: tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 3 k"]],
+    model: DisplacementModel,
     *,
     camera: Camera,
     told_pose: Float[np.ndarray, "4 4"],
@@ -110,7 +109,7 @@ def fit_pose_and_shape(
 
     Args:
         points: (c, 3) canonical points of the cells [m].
-        model: mean and basis of their displacement [m], `ShapeSpace.displacement_model(points)`.
+        model: of their displacement by the latent, `ShapeSpace.displacement_model(points)`.
         camera: of the zoomed picture.
         told_pose: `camera_from_object` that the prior is about.
         start_pose: `camera_from_object` to start from.
@@ -118,7 +117,7 @@ def fit_pose_and_shape(
         latent_prior: None takes the shape space's own, zero mean and unit deviation.
         outline: the predicted mask, and the model's surface whose outline must meet it.
     """
-    size = model[1].shape[2]
+    size = model.n_modes
     latent_prior = latent_prior or LatentPrior(np.zeros(size), np.ones(size))
     evidence = _Evidence(motion, points, model, camera, outline)
     prior = _Prior(told_pose, pose_prior, latent_prior)
@@ -149,7 +148,7 @@ class _Evidence:
 
     motion: Motion
     points: Float[np.ndarray, "c 3"]
-    model: tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, "c 3 k"]]
+    model: DisplacementModel
     camera: Camera
     outline: Outline | None
     meetings: Meetings | None = None  # of outline and mask, once searched
@@ -161,10 +160,10 @@ class _Evidence:
 
     def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
         """Of flow, offsets and outline together."""
-        mean, basis = self.model
+        shaped = self.model.displaced(self.points, latent)
         terms = [
-            _offset_terms(self.motion, mean, basis, latent),
-            _flow_terms(self.motion, self.points + mean + basis @ latent, basis, self.camera, pose),
+            _offset_terms(self.motion, self.model, latent),
+            _flow_terms(self.motion, shaped, self.model.basis, self.camera, pose),
         ]
         if self.outline is not None and self.meetings is not None:
             terms.append(_outline_terms(self.outline, self.meetings, latent, pose))
@@ -209,10 +208,10 @@ def _tail_weight(astray: Float[np.ndarray, "3"]) -> float:
     return 1 / (1 + float(astray @ astray) / TAIL)
 
 
-def _offset_terms(motion: Motion, mean, basis, latent):
+def _offset_terms(motion: Motion, model: DisplacementModel, latent):
     """Hessian and gradient of the offset residuals; the pose does not enter."""
-    size = basis.shape[2]
-    residual = mean + basis @ latent - motion.offsets
+    size, basis = model.n_modes, model.basis
+    residual = model.at(latent) - motion.offsets
     weight = _laplace_weight(residual, motion.offset_scale, INDEPENDENT_OFFSETS)
     rows = basis * weight[:, None, None]
     hessian, gradient = np.zeros((6 + size, 6 + size)), np.zeros(6 + size)
@@ -229,7 +228,7 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     weight = _laplace_weight(residual, motion.pixel_scale, INDEPENDENT_FLOWS)
     hessian, gradient = 0.0, 0.0
     for axis in range(2):
-        jacobian = motion_along(_pixel_gradient(seen, camera)[:, axis], turned, basis, pose)
+        jacobian = motion_along(_pixel_gradient(seen, camera)[:, axis], turned, basis, pose[:3, :3])
         rows = jacobian * weight[:, None]
         hessian, gradient = hessian + rows.T @ jacobian, gradient + rows.T @ residual[:, axis]
     return hessian, gradient
@@ -242,25 +241,9 @@ def _outline_terms(outline: Outline, meetings: Meetings, latent, pose):
     seen = turned + pose[:3, 3]
     distance, slope, weight = meetings.residuals(camera.project(seen))
     directions = np.einsum("pd,pdi->pi", slope, _pixel_gradient(seen, camera))
-    jacobian = motion_along(directions, turned, outline.basis[meetings.vertices], pose)
+    jacobian = motion_along(directions, turned, outline.model.basis[meetings.vertices], pose[:3, :3])
     rows = jacobian * weight[:, None]
     return rows.T @ jacobian, rows.T @ distance
-
-
-def motion_along(
-    directions: Float[np.ndarray, "p 3"],
-    turned: Float[np.ndarray, "p 3"],
-    basis: Float[np.ndarray, "p 3 k"],
-    camera_from_object: Float[np.ndarray, "4 4"],
-) -> Float[np.ndarray, "p s"]:
-    """Derivative by turn, shift and latent of how far points go along directions, camera axes.
-
-    Args:
-        turned: the points, from the object's origin along the camera's axes [m].
-        basis: how the latent moves them, object axes [m].
-    """
-    by_latent = np.einsum("pi,pik->pk", directions @ camera_from_object[:3, :3], basis)
-    return np.concatenate([np.cross(turned, directions), directions, by_latent], axis=1)
 
 
 def _pixel_gradient(seen: Float[np.ndarray, "p 3"], camera: Camera) -> Float[np.ndarray, "p 2 3"]:

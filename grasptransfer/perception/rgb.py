@@ -217,9 +217,8 @@ class RgbEstimator:
         def draw_depth(vertices, pose):
             return self.renderer.depth(self._model.with_vertices(vertices), look.camera, pose)
 
-        mean, basis = self.category.vertices_by_latent
         silhouette = Silhouette(look.object_probability, look.camera, draw_depth)
-        return Outline(silhouette, self._vertices, mean, basis)
+        return Outline(silhouette, self._vertices, self.category.vertices_by_latent)
 
     @property
     def _vertices(self) -> Float[np.ndarray, "v 3"]:

@@ -29,8 +29,8 @@ from grasptransfer.category import Category
 from grasptransfer.frames import drift, moved
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.pose_and_shape import motion_along
 from grasptransfer.perception.seen_surface import SeenSurface, ShapedModel, see_surface
+from grasptransfer.registration import motion_along
 
 logger = logging.getLogger(__name__)
 
@@ -130,7 +130,7 @@ class _Fit:
             visible: how many points of the model are seen, measured or not.
         """
         turned, normals = seen.points_object @ self.pose[:3, :3].T, seen.normals_object @ self.pose[:3, :3].T
-        jacobian = motion_along(normals, turned, seen.by_latent, self.pose)[:, self._free]
+        jacobian = motion_along(normals, turned, seen.by_latent, self.pose[:3, :3])[:, self._free]
         facing = -(normals * rays).sum(1)
         residual = facing * gap
         share = min(1.0, INDEPENDENT_POINTS / visible)

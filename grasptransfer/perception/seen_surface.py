@@ -23,8 +23,9 @@ class ShapedModel:
 
     def vertices(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
         """Of the shape with this latent, object frame [m]."""
-        mean, basis = self.category.vertices_by_latent
-        return np.asarray(self.category.canonical.vertices) + mean + basis @ latent
+        return self.category.vertices_by_latent.displaced(
+            np.asarray(self.category.canonical.vertices), latent
+        )
 
     def mesh(self, latent: Float[np.ndarray, "k"]) -> trimesh.Trimesh:
         """The shape with this latent, object frame [m]."""
@@ -85,7 +86,7 @@ def see_surface(
     normals = normals[solid] / length[solid, None]
     normals *= -np.sign((normals * rays[ray]).sum(1))[:, None]
     share = trimesh.triangles.points_to_barycentric(corners, points)
-    by_latent = np.einsum("pc,pcdk->pdk", share, model.category.vertices_by_latent[1][mesh.faces[face]])
+    by_latent = np.einsum("pc,pcdk->pdk", share, model.category.vertices_by_latent.basis[mesh.faces[face]])
     return SeenSurface(points, normals, by_latent, pixels[ray])
 
 

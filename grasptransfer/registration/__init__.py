@@ -3,6 +3,7 @@
 from grasptransfer.registration.cpd import cpd, cpd_all
 from grasptransfer.registration.cpd_input import PreparedSource
 from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdStatus
+from grasptransfer.registration.displacement_model import DisplacementModel, motion_along
 from grasptransfer.registration.field import DeformationField, FieldPair, register_pair
 from grasptransfer.registration.field_metric import Metric
 from grasptransfer.registration.fit_residuals import PosePrior
@@ -15,6 +16,7 @@ __all__ = [
     "CpdResult",
     "CpdStatus",
     "DeformationField",
+    "DisplacementModel",
     "FieldPair",
     "LatentFit",
     "LatentFitStatus",
@@ -27,5 +29,6 @@ __all__ = [
     "cpd",
     "cpd_all",
     "latent_fit",
+    "motion_along",
     "register_pair",
 ]

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from grasptransfer.registration.displacement_model import DisplacementModel, motion_along
+
 NEIGHBOURS = 10  # that span a point's tangent plane
 COVERAGE = 0.3  # weight of a visible model point without observed counterpart, against an observed point
 
@@ -38,22 +40,21 @@ class Posed:
     """Model points as a function of the state.
 
     Args:
-        model: (p, 3) canonical points [m].
-        mean: (p, 3) and basis: (p, 3, k) of their displacement [m].
+        points_canonical: (p, 3) [m].
+        model: of their displacement by the latent.
         initial: (4, 4) pose that the state corrects.
         prior: of the correction; None keeps the pose.
     """
 
-    model: Float[np.ndarray, "p 3"]
-    mean: Float[np.ndarray, "p 3"]
-    basis: Float[np.ndarray, "p 3 k"]
+    points_canonical: Float[np.ndarray, "p 3"]
+    model: DisplacementModel
     initial: Float[np.ndarray, "4 4"]
     prior: PosePrior | None
 
     @property
     def n_modes(self) -> int:
         """k."""
-        return self.basis.shape[2]
+        return self.model.n_modes
 
     @cached_property
     def root_precision(self) -> Float[np.ndarray, "s"]:
@@ -83,7 +84,7 @@ class Posed:
     ) -> Float[np.ndarray, "q 3 s"]:
         """Derivative of the chosen points by the state."""
         pose = self.pose(state)
-        by_latent = pose[:3, :3] @ self.basis[chosen]
+        by_latent = pose[:3, :3] @ self.model.basis[chosen]
         if self.prior is None:
             return by_latent
         turned = self._shape(state, chosen) @ pose[:3, :3].T
@@ -96,12 +97,12 @@ class Posed:
     ) -> Float[np.ndarray, "q s"]:
         """Derivative by the state of how far the chosen points are in given directions."""
         rotation = self.pose(state)[:3, :3]
-        by_latent = np.einsum("qi,qik->qk", directions @ rotation, self.basis[chosen])
-        if self.prior is None:
-            return by_latent
         turned = self._shape(state, chosen) @ rotation.T
-        by_turn = np.cross(turned, directions) @ _left_jacobian(state[:3])
-        return np.concatenate([by_turn, directions, by_latent], axis=1)
+        rows = motion_along(directions, turned, self.model.basis[chosen], rotation)
+        if self.prior is None:
+            return rows[:, 6:]
+        rows[:, :3] = rows[:, :3] @ _left_jacobian(state[:3])
+        return rows
 
     def step(
         self,
@@ -132,7 +133,7 @@ class Posed:
 
     def _shape(self, state, chosen: Any = slice(None)) -> Float[np.ndarray, "q 3"]:
         latent = state[len(state) - self.n_modes :]
-        return self.model[chosen] + self.mean[chosen] + self.basis[chosen] @ latent
+        return self.model.take(chosen).displaced(self.points_canonical[chosen], latent)
 
 
 class FitResiduals:

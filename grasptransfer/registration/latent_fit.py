@@ -139,7 +139,7 @@ def latent_fit(
     if refine_pose:
         pose_prior = pose_prior or PosePrior.of_scale(space.scale)
     model = model[spatial_order(model, BLOCK)]
-    posed = Posed(model, *space.displacement_model(model), start, pose_prior if refine_pose else None)
+    posed = Posed(model, space.displacement_model(model), start, pose_prior if refine_pose else None)
     with single_blas_thread():
         state, noise = _match_softly(posed, observed, space, viewpoint)
         visible = None if viewpoint is None else visible_points(posed.points(state), viewpoint)

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.registration.displacement_model import DisplacementModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,29 +26,29 @@ class LatentPosterior:
     @classmethod
     def of(
         cls,
-        mean: Float[np.ndarray, "m 3"],
-        basis: Float[np.ndarray, "m 3 k"],
+        model: DisplacementModel,
         displacements: Float[np.ndarray, "m 3"],
         noise_std: Float[np.ndarray, "m"] | float,
     ) -> "LatentPosterior":
         """The posterior of x ~ N(0, I), given displacements = mean + basis x + noise.
 
         Args:
-            mean, basis: (m, 3) and (m, 3, k), as of `ShapeSpace.displacement_model` [m].
+            model: of the m points, as of `ShapeSpace.displacement_model`.
             displacements: (m, 3) what was seen [m].
             noise_std: standard deviation of its errors, per coordinate; one for all or (m,) [m].
 
         Raises:
             SettingsError: a noise that is not finite and above 0.
         """
-        noise = np.broadcast_to(np.asarray(noise_std, dtype=float), (len(mean),))
+        noise = np.broadcast_to(np.asarray(noise_std, dtype=float), (len(model),))
         if not (np.isfinite(noise).all() and (noise > 0).all()):
             raise SettingsError("must be finite and above 0", key="noise_std")
+        basis = model.basis
         weighted = (basis / noise[:, None, None]).reshape(-1, basis.shape[2])
-        offset = ((displacements - mean) / noise[:, None]).ravel()
+        offset = ((displacements - model.mean) / noise[:, None]).ravel()
         covariance = np.linalg.inv(np.eye(basis.shape[2]) + weighted.T @ weighted)
         latent = covariance @ (weighted.T @ offset)
-        residual = displacements - mean - basis @ latent
+        residual = displacements - model.mean - basis @ latent
         rms = float(np.sqrt(np.square(residual).sum(1).mean())) if len(residual) else 0.0
         return cls(latent, (covariance + covariance.T) / 2, rms)
 

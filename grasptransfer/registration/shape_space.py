@@ -22,6 +22,7 @@ from jaxtyping import Bool, Float
 
 from grasptransfer.errors import PointCloudError, SettingsError
 from grasptransfer.registration.clouds import Normaliser, check_points
+from grasptransfer.registration.displacement_model import DisplacementModel
 from grasptransfer.registration.field import DeformationField, positive
 from grasptransfer.registration.field_metric import METRICS, FieldMetric, Metric
 from grasptransfer.registration.kernels import compress, gaussian_times
@@ -186,17 +187,11 @@ class ShapeSpace:
         """A random latent of the category."""
         return rng.normal(size=self.n_modes)
 
-    def displacement_model(
-        self, points: Float[np.ndarray, "m 3"]
-    ) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray, "m 3 k"]]:
+    def displacement_model(self, points: Float[np.ndarray, "m 3"]) -> DisplacementModel:
         """The displacement at canonical points as a linear function of the latent.
 
         Args:
             points: (m, 3) canonical frame [m].
-
-        Returns:
-            mean: (m, 3) [m].
-            basis: (m, 3, k) [m per standard deviation]: v = mean + basis @ latent.
 
         Raises:
             PointCloudError: points that are not (m, 3) or not finite.
@@ -206,7 +201,7 @@ class ShapeSpace:
         moved = gaussian_times(self.normaliser(points), centres, self.beta, columns)
         moved *= self.scale
         moved = moved.reshape(len(points), 3, 1 + self.n_modes)
-        return moved[:, :, 0], moved[:, :, 1:]
+        return DisplacementModel(moved[:, :, 0], moved[:, :, 1:])
 
     def map_estimate(
         self,
@@ -226,14 +221,14 @@ class ShapeSpace:
             SettingsError: a noise that is not positive.
         """
         displacements = check_points(displacements, "displacements")
-        mean, basis = self.displacement_model(points_canonical)
-        if len(mean) != len(displacements):
+        model = self.displacement_model(points_canonical)
+        if len(model) != len(displacements):
             raise PointCloudError(
-                f"{len(mean)} points need as many displacements",
+                f"{len(model)} points need as many displacements",
                 key="displacements",
                 value=len(displacements),
             )
-        return LatentPosterior.of(mean, basis, displacements, noise_std)
+        return LatentPosterior.of(model, displacements, noise_std)
 
     def score(self, weights: Float[np.ndarray, "n 3"]) -> SpaceScore:
         """How well a field's weights [normalised] belong to the category; large values are strangers."""

@@ -130,11 +130,11 @@ def _predecessor(
 def _nearest(space: ShapeSpace, cloud: Float[np.ndarray, "m 3"], refine: bool) -> Float[np.ndarray, "n 3"]:
     """Distances to the nearest point: its objective with our arithmetic."""
     points = space.control_points
-    offset, basis = space.displacement_model(points)
+    model = space.displacement_model(points)
 
     def moved(state):
         latent, pose = np.split(state, [space.n_modes])
-        return _apply(pose, points + offset + basis @ latent)
+        return _apply(pose, model.displaced(points, latent))
 
     def residuals(state):
         return KDTree(moved(state)).query(cloud)[0]

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from grasptransfer.category import Category, list_categories, load_category
 from grasptransfer.category.category import SHAPE_SPACE
 from grasptransfer.perception.networks import LATENT_SIZE
-from grasptransfer.registration.posterior import LatentPosterior
+from grasptransfer.registration import DisplacementModel, LatentPosterior
 from grasptransfer.workshop import objects
 
 RHOS = (0.0, 0.25, 0.5, 0.75)  # section V-B: how far a shape is drawn back to the canonical model
@@ -22,7 +22,6 @@ RHO_SHARES = (0.7, 0.1, 0.1, 0.1)
 LATENT_POINTS = 1200  # canonical points from which a shape's true latent is found
 LATENT_NOISE = 1e-3  # m: what the shape space cannot express
 
-Model = tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3 k"]]
 Move = Callable[
     [Float[np.ndarray, "m 3"], Int[np.ndarray, "m"]], tuple[Float[np.ndarray, "m 3"], Bool[np.ndarray, "m"]]
 ]
@@ -53,35 +52,33 @@ class TrainingCanonical:
         category: whose model it is.
         parametric: whether the category's shapes come from a generator, not from its meshes.
         mesh: geometry whose faces the training shapes move [m].
-        model: mean and basis of the displacement of its vertices [m], at most `LATENT_SIZE` modes.
+        model: of the displacement of its vertices, at most `LATENT_SIZE` modes.
     """
 
     category: Category
     parametric: bool
     mesh: trimesh.Trimesh
-    model: Model
+    model: DisplacementModel
 
     @property
     def n_modes(self) -> int:
         """Modes of the shape space."""
-        return self.model[1].shape[2]
+        return self.model.n_modes
 
     @cached_property
     def mode_size(self) -> Float[np.ndarray, "k"]:
         """How far one standard deviation of each mode moves the surface: root mean square [m]."""
-        return np.sqrt(np.square(self.model[1]).sum(1).mean(0))
+        return np.sqrt(np.square(self.model.basis).sum(1).mean(0))
 
     def vertices(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
         """The vertices of the shape with this latent [m]."""
-        mean, basis = self.model
-        return np.asarray(self.mesh.vertices) + mean + basis @ latent
+        return self.model.displaced(np.asarray(self.mesh.vertices), latent)
 
     def latent_of(self, displacements, known) -> Float[np.ndarray, "k"]:
         """The latent that explains these displacements (v, 3) [m] of the known vertices best."""
         chosen = np.flatnonzero(known)
         chosen = chosen[:: max(len(chosen) // LATENT_POINTS, 1)]
-        mean, basis = self.model
-        return LatentPosterior.of(mean[chosen], basis[chosen], displacements[chosen], LATENT_NOISE).mean
+        return LatentPosterior.of(self.model.take(chosen), displacements[chosen], LATENT_NOISE).mean
 
 
 def has_generator(category: Category) -> bool:
@@ -102,8 +99,9 @@ def _canonical(folder: Path, *_checksums: str | None) -> TrainingCanonical:
     category = load_category(folder)
     parametric = has_generator(category)
     mesh = objects.canonical(category.name).mesh() if parametric else category.canonical
-    mean, basis = category.shape_space.displacement_model(np.asarray(mesh.vertices))
-    return TrainingCanonical(category, parametric, mesh, (mean, basis[..., :LATENT_SIZE]))
+    whole = category.shape_space.displacement_model(np.asarray(mesh.vertices))
+    model = DisplacementModel(whole.mean, whole.basis[..., :LATENT_SIZE])
+    return TrainingCanonical(category, parametric, mesh, model)
 
 
 def instances_of(category: Category, *, held_out: bool) -> tuple[str, ...]:

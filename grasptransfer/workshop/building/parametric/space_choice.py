@@ -167,9 +167,9 @@ def _space(points, empty: DeformationField, beta, regularisation, displacements,
 
 def _encode(space: ShapeSpace, points, displacements) -> tuple[Float[np.ndarray, "j k"], float]:
     """Least-squares latents of known displacements, and the RMS distance they leave [m]."""
-    mean, basis = space.displacement_model(points)
-    design = basis.reshape(-1, space.n_modes)
-    offsets = (displacements - mean).reshape(len(displacements), -1)
+    model = space.displacement_model(points)
+    design = model.basis.reshape(-1, space.n_modes)
+    offsets = (displacements - model.mean).reshape(len(displacements), -1)
     latents = np.linalg.lstsq(design, offsets.T, rcond=None)[0].T
     return latents, _rms((offsets - latents @ design.T).reshape(displacements.shape))
 
