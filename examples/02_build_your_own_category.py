@@ -28,7 +28,7 @@ def vase(height: float, width: float, neck: float) -> trimesh.Trimesh:
     spout = trimesh.creation.cylinder(0.1 * width, 0.35 * width, sections=16)
     spout.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 3, [0, 1, 0]))
     spout.apply_translation([0.47 * width, 0, 0.57 * height])
-    return trimesh.util.concatenate([body, spout])
+    return body + spout
 
 
 def main():

@@ -48,7 +48,7 @@ def main():
 
     grasps = expand_symmetry(load_grasps(PATH, category=category))
     drawn = [GraspToDraw(g.name, g.canonical_from_gripper, gripper.approach_opening(g.width), True)
-             for g in grasps]  # fmt: skip
+             for g in grasps if g.width is not None]  # fmt: skip
     print(f"Look at {grasp_sheet('my_grasps.png', category.canonical, drawn, gripper)}")
 
 

@@ -38,9 +38,9 @@ def main():
         meshes = []
         for name, estimator in estimators.items():
             flow = gt.GraspTransfer(category, estimator=estimator, refine_pose=False)
-            depth = {"mask": picture.mask, "depth": picture.depth} if name != "rgb" else {}
+            mask, depth = (None, None) if name == "rgb" else (picture.mask, picture.depth)
             start = time.perf_counter()
-            result = flow.transfer(image, POSE, camera=CAMERA, **depth)
+            result = flow.transfer(image, POSE, camera=CAMERA, mask=mask, depth=depth)
             seconds = time.perf_counter() - start
             # Points of the canonical model: where the estimate puts them, and where they truly are.
             points = np.asarray(category.canonical.vertices)

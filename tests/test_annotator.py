@@ -35,7 +35,11 @@ def test_annotated_grasps_survive_saving(session, category, tmp_path):
     back = Session(category, session.gripper, path=session.path).grasp("edge")
     assert (back.label, back.approach_distance, back.confidence) == ("rim", 0.12, 0.8)
     assert back.symmetry.turns() == (-30, 0, 30)
-    np.testing.assert_allclose(back.contacts, session.grasp("edge").contacts, atol=1e-8)
+    kept = session.grasp("edge").contacts
+    assert back.contacts is not None
+    assert kept is not None
+    assert rim.contacts is not None
+    np.testing.assert_allclose(back.contacts, kept, atol=1e-8)
     # What rays meet agrees with what a person typed from the model's dimensions.
     assert back.width == pytest.approx(rim.width, abs=0.001)
     np.testing.assert_allclose(back.contacts, rim.contacts, atol=0.003)
@@ -118,6 +122,8 @@ def test_contacts_of_another_canonical_model_are_measured_anew(category, tmp_pat
     path = save_grasps([other], tmp_path / "grasps.yaml", category="mug", canonical_sha256="f" * 64)
     found = Session(category, gt.load_gripper("panda"), path=path).grasp(rim.name)
     assert found.width == pytest.approx(rim.width, abs=0.001)
+    assert found.contacts is not None
+    assert rim.contacts is not None
     np.testing.assert_allclose(found.contacts, rim.contacts, atol=0.003)
 
 

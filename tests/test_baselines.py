@@ -28,6 +28,8 @@ def seen():
 def test_cls_doubts_the_pose_that_it_refines_and_no_other(mug, seen):
     kept = ClsEstimator(mug, refine_pose=False)(seen).covariance
     refined = ClsEstimator(mug, refine_pose=True)(seen).covariance
+    assert kept is not None
+    assert refined is not None
     assert (kept[:6] == 0).all()
     deviations = np.sqrt(np.diag(refined)[:6])
     assert ((deviations > 1e-5) & (deviations < 0.2)).all()
@@ -49,6 +51,8 @@ def test_cls_states_the_pose_s_doubt_along_the_camera_s_axes(mug, seen):
         cloud = baselines.depth_cloud(seen)
         patch.setattr(baselines, "depth_cloud", lambda _: cloud)
         first, second = cloud_of(seen).covariance, cloud_of(turned).covariance
+    assert first is not None
+    assert second is not None
     whole = np.eye(len(first))
     whole[:3, :3] = whole[3:6, 3:6] = turn
     np.testing.assert_allclose(second, whole @ first @ whole.T, rtol=1e-4, atol=1e-9)

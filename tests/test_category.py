@@ -7,6 +7,8 @@ import pytest
 import trimesh
 import yaml
 from PIL import Image
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.category import check_category, list_categories, load_category, objects_folder
 from grasptransfer.category.category import load_scene
@@ -33,8 +35,7 @@ def boxes(tmp_path, pristine_boxes):
 def pristine_boxes(tmp_path_factory):
     """A small category of boxes whose only mode is their height."""
     canonical = trimesh.creation.box((0.06, 0.05, 0.1))
-    control, _ = trimesh.sample.sample_surface(canonical, 60, seed=0)
-    control = np.asarray(control)
+    control = np.asarray(trimesh.sample.sample_surface(canonical, 60, seed=0)[0])
     heights = {f"box_{i}": 0.08 + 0.01 * i for i in range(5)}
     fields, meshes = {}, {}
     for name, height in heights.items():
@@ -281,7 +282,7 @@ def test_shipped_objects_stay_small():
 
 def test_rays_from_outside_never_see_the_inside():
     inner, outer = trimesh.creation.icosphere(radius=0.03), trimesh.creation.icosphere(radius=0.05)
-    points, faces = visible_surface(trimesh.util.concatenate([inner, outer]))
+    points, faces = visible_surface(inner + outer)
     assert (faces >= len(inner.faces)).all()
     # A flat face of a tessellated sphere lies within its radius, by less than 2 %.
     assert np.abs(np.linalg.norm(points, axis=1) - 0.05).max() < 0.02 * 0.05
@@ -303,9 +304,9 @@ def test_the_voxel_filter_leaves_one_of_the_given_points_in_each_voxel():
 
 def test_large_textures_shrink_and_become_jpeg(tmp_path):
     texture = Image.fromarray(np.random.default_rng(0).integers(0, 255, (1024, 2048, 3), dtype=np.uint8))
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=texture)
+    material = PBRMaterial(baseColorTexture=texture)
     box = trimesh.creation.box((0.1, 0.1, 0.1))
-    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
+    box.visual = TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
     (tmp_path / "box.glb").write_bytes(glb_of(compact(trimesh.Scene(box))))
     (loaded,) = load_scene(tmp_path / "box.glb").geometry.values()
     image = loaded.visual.material.baseColorTexture

@@ -21,7 +21,9 @@ def _run(arguments: list[str], capsys) -> tuple[int, str, str]:
     with pytest.raises(SystemExit) as stopped:
         main(arguments)
     printed = capsys.readouterr()
-    return stopped.value.code or 0, printed.out, printed.err
+    code = stopped.value.code or 0
+    assert isinstance(code, int)
+    return code, printed.out, printed.err
 
 
 @pytest.mark.parametrize("command", EVERY_COMMAND, ids=" ".join)

@@ -58,7 +58,7 @@ def test_the_gripper_opens_only_as_wide_as_leaves_room_beside_both_fingers():
 def test_a_wide_opening_that_would_close_on_another_part_is_not_taken():
     # A post beside the bar, 22 mm off: fully opened, a finger would push it against the bar.
     post = box(0.004, 0.01, 0.1).apply_translation([0.030, 0, 0])
-    both = trimesh.util.concatenate([box(0.015), post])
+    both = box(0.015) + post
     result = check(grasp_from_above(width=0.015), both)
     assert result.usable
     assert result.opening < 0.03
@@ -129,6 +129,7 @@ def test_a_shelf_above_blocks_the_approach_and_is_named():
     result = check(grasp_from_above(), scene=scene)
     assert result.status is CheckStatus.BLOCKED_APPROACH
     assert result.obstacle == "shelf"
+    assert result.before_grasp is not None
     assert 0.055 < result.before_grasp <= 0.1
     assert check(grasp_from_above(approach_distance=0.05), scene=scene).usable
 
@@ -174,6 +175,8 @@ def test_the_verdict_stays_when_object_and_grasp_move_together(seed):
     assert before.status is after.status
     assert before.link == after.link
     if before.usable:
+        assert before.width is not None
+        assert after.width is not None
         np.testing.assert_allclose(before.width, after.width, atol=1e-5)
 
 
@@ -184,6 +187,8 @@ def test_fingers_wholly_inside_a_closed_body_are_found():
 
 def test_a_grasp_that_the_field_tears_apart_is_not_trusted():
     class Torn:
+        factors = (1.0, 1.0, 1.0)
+
         def __call__(self, points):
             return points * self.factors
 

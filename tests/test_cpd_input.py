@@ -25,7 +25,7 @@ bcpd 0.98 where an earlier measurement says so); none reports whether it converg
 import numpy as np
 import pytest
 from bent_ellipsoids import BACKENDS, ellipsoid, pair
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grasptransfer.errors import PointCloudError, SettingsError
 from grasptransfer.registration import cpd
@@ -37,7 +37,7 @@ def test_far_outliers_are_refused_or_with_a_weight_ignored():
     with pytest.raises(PointCloudError, match="far outliers"):
         cpd(source, polluted)
     errors = [
-        np.square(cKDTree(cpd(source, cloud, outlier_weight=0.1)(source)).query(target)[0]).mean()
+        np.square(KDTree(cpd(source, cloud, outlier_weight=0.1)(source)).query(target)[0]).mean()
         for cloud in (target, polluted)
     ]
     assert errors[1] < 1.1 * errors[0]  # the larger first sigma changes EM's path a little
@@ -102,7 +102,7 @@ def test_unusual_but_sound_clouds_are_registered(name, backend):
     result = cpd(source, target, backend=backend)
     moved = result(source.astype(float))
     assert np.isfinite(moved).all()
-    assert cKDTree(target).query(moved)[0].max() < 0.02 * size
+    assert KDTree(target).query(moved)[0].max() < 0.02 * size
 
 
 @pytest.mark.parametrize(

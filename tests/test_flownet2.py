@@ -27,7 +27,10 @@ def test_three_offsets_come_back_for_every_pixel_and_cell(pictures):
     network = FlowNet2(NARROW).eval()
     torch.nn.init.normal_(network.fusion.answer.weight)
     with torch.inference_mode():
-        whole, prediction = network.full_resolution(pictures), network(pictures, torch.zeros(2, dtype=int))
+        whole, prediction = (
+            network.full_resolution(pictures),
+            network(pictures, torch.zeros(2, dtype=torch.int64)),
+        )
     assert whole[:, :3].shape == (2, 3, 192, 256)
     assert prediction.offset.shape == (2, 3, 24, 32)
     assert prediction.flow.shape == (2, 2, 24, 32)
@@ -60,7 +63,9 @@ def test_training_steps_lower_the_loss(pictures):
         totals.append(total.item())
     assert totals[-1] < totals[0]
     # The gradient reaches the first layer of the stack through every warp and the correlation.
-    assert network.first.stem[0][0].weight.grad.abs().sum() > 0
+    first_layer = next(network.first.stem.parameters())
+    assert first_layer.grad is not None
+    assert first_layer.grad.abs().sum() > 0
 
 
 def test_correlation_is_the_mean_product_with_the_neighbours():

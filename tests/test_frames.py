@@ -21,7 +21,7 @@ seeds = st.integers(0, 10_000)
 
 def _random_transform(seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    return rigid(Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3))
+    return rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
 
 
 @given(seeds)

@@ -1,5 +1,6 @@
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,6 +56,7 @@ def test_a_file_written_by_hand_is_read_with_its_frames_and_contacts_in_order(fo
     assert (grasp.name, grasp.label, grasp.confidence) == ("rim", "rim", 0.9)
     np.testing.assert_allclose(grasp.canonical_from_gripper[:3, 0], [0, 1, 0], atol=1e-7)
     np.testing.assert_allclose(grasp.canonical_from_gripper[:3, 2], [0, 0, -1], atol=1e-7)
+    assert grasp.contacts is not None
     np.testing.assert_allclose(grasp.contacts, [[0, 0.038, 0.05], [0, 0.042, 0.05]])
     assert grasp.symmetry.turns() == (0, 90, 180)
 
@@ -65,6 +67,8 @@ def test_saving_and_loading_gives_the_same_grasps(folder):
     for before, after in zip(grasps, load_grasps(path), strict=True):
         # Files keep nanometres.
         np.testing.assert_allclose(before.canonical_from_gripper, after.canonical_from_gripper, atol=1e-8)
+        assert before.contacts is not None
+        assert after.contacts is not None
         np.testing.assert_allclose(before.contacts, after.contacts, atol=1e-8)
         assert (before.name, before.label, before.approach_distance, before.opening) == (
             after.name,
@@ -119,7 +123,7 @@ def test_grasps_of_another_category_or_model_are_refused(folder):
     path = written(folder, FILE.replace("gripper: panda", "gripper: panda, canonical_sha256: aa"))
     with pytest.raises(GraspFileError, match="another category"):
         load_grasps(path, category="bottle")
-    mug = SimpleNamespace(name="mug", canonical_sha256="bb")
+    mug: Any = SimpleNamespace(name="mug", canonical_sha256="bb")
     with pytest.raises(GraspFileError, match="another canonical model"):
         load_grasps(path, category=mug)
     mug.canonical_sha256 = "aa"
@@ -146,12 +150,14 @@ def test_a_reflected_pose_is_no_grasp():
 def test_symmetry_turns_pose_and_contacts_together():
     grasp = random_grasp(1, "g")
     local = np.linalg.inv(grasp.canonical_from_gripper)
+    assert grasp.contacts is not None
     contacts = transform_points(local, grasp.contacts)
     family = expand_symmetry([grasp])
     assert len(family) == 2 * 5
     assert len({member.name for member in family}) == 10
     for member in family:
         np.testing.assert_allclose(np.linalg.det(member.canonical_from_gripper[:3, :3]), 1)
+        assert member.contacts is not None
         inside = transform_points(np.linalg.inv(member.canonical_from_gripper), member.contacts)
         np.testing.assert_allclose(inside, contacts, atol=1e-12)
         assert member.symmetry is None

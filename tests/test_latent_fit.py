@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.errors import NotSucceeded, PointCloudError, PoseError
@@ -140,7 +140,7 @@ def test_the_jacobian_is_that_of_finite_differences(seed, refine, covered, slidi
     posed = Posed(
         model,
         DisplacementModel(rng.normal(size=(30, 3)) * 0.01, rng.normal(size=(30, 3, 2)) * 0.01),
-        rigid(Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3)),
+        rigid(Rotation.random(rng=seed).as_matrix(), rng.normal(size=3)),
         PosePrior() if refine else None,
     )
     state = rng.normal(size=len(posed.start())) * 0.3
@@ -170,7 +170,7 @@ def test_it_fits_no_worse_than_nearest_points_alone(space):
         cloud = dense(space, latent)
 
         def distances(x, cloud=cloud):
-            return cKDTree(displacement.displaced(model, x)).query(cloud)[0]
+            return KDTree(displacement.displaced(model, x)).query(cloud)[0]
 
         theirs = np.square(distances(least_squares(distances, np.zeros(3)).x)).mean()
         ours = np.square(distances(latent_fit(space, cloud, robust_scale=100.0, sliding=0.0).latent)).mean()

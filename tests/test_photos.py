@@ -21,6 +21,7 @@ def folder(tmp_path_factory):
     instance.solid.export(folder / "mug.glb")
     with Renderer() as renderer:
         seen, pose = observe_instance(instance, 40, renderer=renderer)
+    assert seen.box is not None
     Image.fromarray(seen.image).save(folder / "mug.png")
     Image.fromarray(np.round(seen.depth * 1000).astype(np.uint16)).save(folder / "depth.png")
     Image.fromarray(seen.mask.astype(np.uint8) * 255).save(folder / "mask.png")

@@ -50,6 +50,8 @@ def test_what_is_shifted_keeps_its_turn_and_closes_on_the_middle():
     np.testing.assert_array_equal(pose[:3, :3], start[0].object_from_gripper[:3, :3])
     assert pose[0, 3] == pytest.approx(0, abs=1e-4)
     assert grasps[0].width == pytest.approx(0.02, abs=1e-4)
+    assert checks[0].contacts is not None
+    assert grasps[0].contacts is not None
     np.testing.assert_allclose(checks[0].contacts, grasps[0].contacts, atol=2e-3)
     farthest = np.hypot(*np.repeat(max(Placement().ways), 2))
     assert np.linalg.norm(pose[:3, 3] - start[0].object_from_gripper[:3, 3]) < farthest + 1e-3
@@ -64,7 +66,7 @@ def test_a_grasp_at_its_best_place_stays():
 
 def test_doubt_of_the_height_asks_for_room_before_the_palm():
     post = trimesh.creation.box(extents=(0.02, 0.02, 0.12))
-    points, faces = trimesh.sample.sample_surface(post, 3000, seed=0)
+    points, faces = trimesh.sample.sample_surface(post, 3000, seed=0)[:2]
     ways = np.zeros((16, 3))
     ways[:, 2] = np.linspace(-0.02, 0.02, 16)
     normals = np.tile(post.face_normals[faces], (16, 1, 1))

@@ -10,7 +10,7 @@ from grasptransfer.camera import Camera
 from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import rotation_angle, transform_points
 from grasptransfer.perception.pose_and_shape import TOLD_POSE, Motion, fit_pose_and_shape
-from grasptransfer.registration import DisplacementModel
+from grasptransfer.registration import DisplacementModel, PosePrior
 
 CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
 
@@ -32,7 +32,7 @@ def _motion(points, model, pose, latent, scale=1.0):
     return Motion(offsets, np.full(len(points), 1e-4 * scale), pixels, np.full(len(points), 0.05 * scale))
 
 
-def _fit(motion, points, model, told, pose_prior=TOLD_POSE):
+def _fit(motion, points, model, told, pose_prior: PosePrior | None = TOLD_POSE):
     return fit_pose_and_shape(
         motion, points, model, camera=CAMERA, told_pose=told, start_pose=told, pose_prior=pose_prior
     )

@@ -130,7 +130,10 @@ def test_the_uncertainty_of_a_pose_file_is_read_and_written(tmp_path):
     for sigma in (0, (0.01, 5.0), np.diag(np.arange(1.0, 7.0)) * 1e-4):
         path = written(tmp_path, "pose.yaml", yaml.safe_dump(pose_as_yaml(POSE, sigma)))
         found = read_pose(path)
-        np.testing.assert_allclose(covariance_of(found.pose_sigma), covariance_of(sigma), atol=1e-12)
+        read, written_as = covariance_of(found.pose_sigma), covariance_of(sigma)
+        assert read is not None
+        assert written_as is not None
+        np.testing.assert_allclose(read, written_as, atol=1e-12)
         np.testing.assert_allclose(found.camera_from_object, POSE, atol=1e-12)
 
 
@@ -141,12 +144,15 @@ def test_the_covariance_of_ros_is_put_in_our_order(tmp_path):
         "pose.yaml",
         yaml.safe_dump({"pose": {"pose": ROS, "covariance": covariance.ravel().tolist()}}),
     )
-    np.testing.assert_allclose(np.diag(read_pose(path).pose_sigma), np.array([4, 5, 6, 1, 2, 3]) * 1e-4)
+    sigma = read_pose(path).pose_sigma
+    assert isinstance(sigma, np.ndarray)
+    np.testing.assert_allclose(np.diag(sigma), np.array([4, 5, 6, 1, 2, 3]) * 1e-4)
 
 
 @given(st.floats(1e-6, 0.5), st.floats(1e-6, 90))
 def test_standard_deviations_become_a_covariance_of_the_drift_of_a_pose(translation, degrees):
     covariance = covariance_of((translation, degrees))
+    assert covariance is not None
     step = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(step[3:], translation)
     np.testing.assert_allclose(np.degrees(step[:3]), degrees)

@@ -100,7 +100,7 @@ DOWN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # closes across the bar,
 
 def drawn_surface(mesh):
     """Points and normals of one draw."""
-    points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=0)
+    points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=0)[:2]
     return np.asarray(points)[None], mesh.face_normals[faces][None]
 
 
@@ -165,7 +165,7 @@ def test_what_reaches_deep_into_the_palm_is_lost_however_well_the_pads_hold_it()
 def test_what_two_overlapping_parts_fill_weighs_once():
     block, other = trimesh.creation.box([0.04, 0.04, 0.1]), trimesh.creation.box([0.04, 0.04, 0.1])
     other.apply_translation([0.0, 0.0, 0.05])
-    plausible = PlausibleObjects.draw(trimesh.util.concatenate([block, other]), doubt=SURE)
+    plausible = PlausibleObjects.draw(block + other, doubt=SURE)
     assert plausible.mass == pytest.approx(500 * 0.04 * 0.04 * 0.15)
     assert plausible.centres.mean(axis=0) == pytest.approx([0, 0, 0.025], abs=1e-4)
 
@@ -212,7 +212,7 @@ def test_a_cavity_weighs_nothing():
     cavity, knob = trimesh.creation.box([0.03, 0.03, 0.08]), trimesh.creation.box([0.02, 0.02, 0.02])
     cavity.invert()
     knob.apply_translation([0.0, 0.0, 0.055])
-    plausible = PlausibleObjects.draw(trimesh.util.concatenate([hollow, cavity, knob]), doubt=SURE)
+    plausible = PlausibleObjects.draw(hollow + cavity + knob, doubt=SURE)
     filled = 0.05 * 0.05 * 0.1 - 0.03 * 0.03 * 0.08 + 0.02 * 0.02 * 0.015
     assert plausible.mass == pytest.approx(500 * filled)
 

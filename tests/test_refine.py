@@ -37,6 +37,7 @@ def test_pads_end_flat_and_centred_on_a_bar(turn, shift):
     (grasp,), (check,) = refined(on(np.array([0, 0, 0.015]) + shift, turn))
     assert check.usable
     # A degree or two of tilt costs less than leaving the annotation to remove it.
+    assert check.antipodality is not None
     assert np.degrees(np.arccos(check.antipodality)) < 4
     assert grasp.width == pytest.approx(0.02, abs=0.001)
     assert grasp.contacts[:, 0] == pytest.approx([-0.01, 0.01], abs=1e-6)

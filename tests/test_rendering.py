@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.camera import Camera
 from grasptransfer.drawing.boxes import projected_box
@@ -63,8 +65,8 @@ def test_coverage_is_whole_inside_and_partial_at_edges_only(renderer):
 
 def test_half_transparent_objects_let_half_of_the_background_through(renderer):
     box = trimesh.creation.box([0.1, 0.1, 0.1])
-    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[200, 60, 60, 128], alphaMode="BLEND")
-    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
+    material = PBRMaterial(baseColorFactor=[200, 60, 60, 128], alphaMode="BLEND")
+    box.visual = TextureVisuals(uv=np.zeros((8, 2)), material=material)
     picture = renderer.render(box, OFF_CENTRE, POSE)
     inside = picture.alpha[70:110, 110:130]
     # Light passes two faces of opacity one half each, so a quarter of it arrives, or a half where

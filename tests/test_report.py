@@ -86,7 +86,7 @@ def test_a_saved_result_can_be_read_back(result, tmp_path):
     for grasp, told in zip(result.usable, back.grasps, strict=True):
         # Files hold nine decimals.
         np.testing.assert_allclose(told.object_from_gripper, grasp.object_from_gripper, atol=1e-8)
-    mesh = trimesh.load(folder / "reconstruction.glb", force="mesh", process=False)
+    mesh = trimesh.load_mesh(folder / "reconstruction.glb", process=False)
     np.testing.assert_allclose(mesh.vertices, result.mesh.vertices, atol=1e-7)  # glTF is float32
     points = np.asarray(result.category.canonical.vertices)[::50]
     np.testing.assert_array_equal(DeformationField.load(folder / "field.npz")(points), result.field(points))
@@ -206,7 +206,7 @@ def test_the_table_counts_what_was_held():
 
 
 def test_the_scene_holds_the_reconstruction_and_the_grippers_in_the_object_frame(result):
-    scene = trimesh.load(io.BytesIO(scene_glb(result)), file_type="glb", process=False)
+    scene = trimesh.load_scene(io.BytesIO(scene_glb(result)), file_type="glb", process=False)
     hand = result.gripper.link_meshes(result.usable[0].opening, visual=True)
     fingers = {pad.link for pad in result.gripper.pads} & set(hand)
     others = min(3, len({grasp.label for grasp in result.usable})) - 1

@@ -91,6 +91,8 @@ def test_depth_finds_the_shape_that_the_picture_left_open(mug, seen):
     first = rgb(replace(observation, depth=None))
     fused = RgbdEstimator(mug.category, rgb)(observation)
     assert _visible_error(mug, fused, seen) < 0.4 * _visible_error(mug, first, seen)
+    assert fused.latent_covariance is not None
+    assert first.latent_covariance is not None
     assert np.trace(fused.latent_covariance) < np.trace(first.latent_covariance)
     assert fused.timings["depth"] > 0
     np.testing.assert_allclose(fused.camera_from_object, pose, atol=1e-12)  # one without doubt stays
@@ -154,6 +156,8 @@ def test_depth_beyond_belief_changes_nothing(mug, seen):
     estimator = RgbdEstimator(mug.category, _believing(mug, latent, belief))
     fused = estimator(replace(observation, depth=np.where(observation.mask, observation.depth + 0.1, 0.0)))
     assert np.linalg.norm(fused.camera_from_object[:3, 3] - observation.camera_from_object[:3, 3]) < 5e-4
+    assert fused.latent is not None
+    assert fused.covariance is not None
     np.testing.assert_allclose(fused.latent, latent, atol=0.01)
     np.testing.assert_allclose(fused.covariance, belief, atol=0.05 * belief.max())
 
@@ -173,6 +177,7 @@ def test_the_same_depth_is_believed_where_the_picture_is_unsure(mug, seen):
 def test_what_it_says_of_its_doubt_holds(mug, seen):
     observation, _, latent = seen
     fused = RgbdEstimator(mug.category, _vague(mug, 1.0))(observation)
+    assert fused.latent_covariance is not None
     deviations = np.sqrt(np.diag(fused.latent_covariance))
     # 1 were exact; the mean of 25 squares of one picture wanders, and few modes are seen at all.
     assert 0.3 < np.sqrt(np.mean(np.square((fused.latent - latent) / deviations))) < 2.0

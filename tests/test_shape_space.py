@@ -140,7 +140,8 @@ def test_unbelieved_displacements_leave_a_smooth_space_near_the_true_one():
 
 def test_modes_are_orthogonal_in_the_metric_and_as_long_as_their_variance():
     weights = training(8, 4, noise=0.002)
-    kernel = gaussian(*[Normaliser.of(control())(control())] * 2, BETA)
+    points = Normaliser.of(control())(control())
+    kernel = gaussian(points, points, BETA)
     seen = {"W": np.eye(len(kernel)), "GW": kernel, "G": np.linalg.cholesky(kernel + 1e-12 * np.eye(40)).T}
     for metric in METRICS:
         space = learn(weights, n_modes=3, metric=metric)

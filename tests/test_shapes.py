@@ -60,7 +60,7 @@ def test_canonical_vertices_correspond_exactly(name, samples):
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_canonical_corresponds_to_itself(name):
     canonical = objects.canonical(name)
-    points = canonical.mesh().sample(500, seed=1)
+    points = np.asarray(canonical.mesh().sample(500, seed=1))
     found, _ = objects.corresponding_points(canonical, canonical, points)
     np.testing.assert_allclose(found, points, atol=1e-9)
 

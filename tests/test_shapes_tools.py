@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grasptransfer.workshop.objects import Shape, canonical, corresponding_points, sample
 
@@ -83,7 +83,7 @@ def _outside_others(shape: Shape, name: str, points: np.ndarray) -> np.ndarray:
     others = np.concatenate(
         [piece.vertices[piece.faces].mean(1) for piece in shape.parts if piece.name != name]
     )
-    return cKDTree(others).query(points)[0] > 0.01  # further than half of any face
+    return KDTree(others).query(points)[0] > 0.01  # further than half of any face
 
 
 @pytest.mark.parametrize("category", CATEGORIES)

@@ -89,7 +89,8 @@ def test_a_dask_cluster_of_separate_processes_gives_the_same_trials(reference):
     from distributed import LocalCluster
 
     settings = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with LocalCluster(**settings, silence_logs=40) as cluster:
+    cluster = LocalCluster(**settings, silence_logs=40)
+    with cluster:
         assert simulate(GRASPS, BOX, trials=3, seed=5, cluster=cluster.scheduler_address) == reference
 
 

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -235,7 +236,7 @@ def test_an_ensemble_lacks_what_its_members_lack():
         def forward(self, pictures, category, features):
             return Prediction(*[torch.ones(1)] * 5)
 
-    together = Ensemble([Bare(), Bare()])(torch.zeros(1, 8, 192, 256), torch.zeros(1, dtype=int))
+    together = Ensemble([Bare(), Bare()])(torch.zeros(1, 8, 192, 256), torch.zeros(1, dtype=torch.int64))
     assert together.latent is None
     assert together.mask_logit == 1
 
@@ -333,7 +334,7 @@ def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypat
 def _tiny_run(folder, tmp_path, monkeypatch, **changes):
     data = Dataset(folder)
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
-    settings = {"samples": 4, "held_out": 4, "members": 1, "steps": 1, "batch": 2} | changes
+    settings: dict[str, Any] = {"samples": 4, "held_out": 4, "members": 1, "steps": 1, "batch": 2} | changes
     output = settings.pop("output", tmp_path / "a.safetensors")
     config = TrainingConfig((MUG,), **settings)
     return train(config, run_folder=tmp_path / "run", output=output, device="cpu")

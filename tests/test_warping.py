@@ -85,6 +85,7 @@ def test_the_width_follows_the_warped_contacts():
     for method in METHODS:
         (warped,) = warp_grasps([grasp], Affine(np.diag([1.5, 1, 1]), [0, 0, 0]), method=method)
         assert warped.width == pytest.approx(0.03)
+        assert warped.contacts is not None
         np.testing.assert_allclose(warped.contacts, [[-0.015, 0, 0], [0.015, 0, 0]])
         assert warped.stretch == pytest.approx((1, 1.5))
 
@@ -99,6 +100,7 @@ def test_the_opening_keeps_the_annotators_room():
 def test_contacts_sit_between_the_pads_after_a_smooth_deformation():
     for seed in range(10):
         (warped,) = warp_grasps([grasp_at(seed)], random_field(seed, 0.1))
+        assert warped.contacts is not None
         inside = transform_points(np.linalg.inv(warped.object_from_gripper), warped.contacts)
         # Beside the fit of ten points the closing axis may turn a little away from the contacts' line.
         np.testing.assert_allclose(inside.mean(axis=0), 0, atol=1e-9)

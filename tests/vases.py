@@ -16,7 +16,7 @@ def vase(height: float, width: float, lean: float = 0.0) -> trimesh.Trimesh:
     body = trimesh.creation.revolve(profile, sections=24)
     flag = trimesh.creation.box((0.6 * width, 0.2 * width, 0.2 * height))
     flag.apply_translation([0.7 * width, 0, 0.5 * height])
-    both = trimesh.util.concatenate([body, flag])
+    both = body + flag
     both.vertices += lean * both.vertices[:, 2:] * [0, 1, 0]
     return both
 
