@@ -1,10 +1,13 @@
 """`grasptransfer convert | frames`: grasp files and the frames they are given in."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console
 from tyro.conf import Positional, arg
+
+if TYPE_CHECKING:
+    from grasptransfer.grasping import Gripper
 
 console = Console(markup=False)
 
@@ -34,22 +37,38 @@ def convert(
 
 
 def frames(
-    gripper: Positional[Annotated[str, arg(metavar="[GRIPPER]")]] = "panda", *, picture: Path | None = None
+    gripper: Positional[Annotated[str, arg(metavar="[GRIPPER]")]] = "panda",
+    *,
+    picture: Path | None = None,
+    boxes: bool = False,
 ) -> int:
-    """Print the frames of a gripper, and draw them.
+    """Print the frames of a gripper, and draw them; `all`: a line for each gripper that comes along.
 
     Args:
-        gripper: name, or YAML of your own.
-        picture: PNG to draw the gripper with its frames to.
+        gripper: name, YAML of your own, or `all`.
+        picture: PNG to draw the gripper with its frames to; a folder for `all`.
+        boxes: also execute grasps of boxes 20 mm, 50 mm and nine tenths of the largest opening wide.
     """
-    from grasptransfer.grasping import load_gripper
-    from grasptransfer.grasping.frames_table import frames_table
+    from grasptransfer.grasping import list_grippers, load_gripper
+    from grasptransfer.grasping.frames_table import draw_frames, frames_table, hand_line
 
-    loaded = load_gripper(gripper)
-    console.print(frames_table(loaded), soft_wrap=True, highlight=False)
-    if picture is not None:
-        from grasptransfer.grasping.frames_table import draw_frames
-
-        draw_frames(loaded, picture)
-        console.print(f"Picture: {picture}", soft_wrap=True)
+    loaded = [load_gripper(name) for name in (list_grippers() if gripper == "all" else [gripper])]
+    for each in loaded:
+        lines = [hand_line(each) if gripper == "all" else frames_table(each)]
+        lines += _box_lines(each) if boxes else []
+        console.print("\n".join(lines), soft_wrap=True, highlight=False)
+        if picture is not None:
+            path = picture / f"{each.name}.png" if gripper == "all" else picture
+            draw_frames(each, path)
+            console.print(f"Picture: {path}", soft_wrap=True)
     return 0
+
+
+def _box_lines(gripper: "Gripper") -> list[str]:
+    from grasptransfer.simulation.boxes import box_widths, hold_boxes
+
+    widths = box_widths(gripper)
+    return [
+        f"box {1e3 * width:5.1f} mm {trial.status.value}, pads {trial.width_mm:.1f} mm apart: {trial.detail}"
+        for width, trial in zip(widths, hold_boxes(gripper, widths), strict=True)
+    ]

@@ -28,7 +28,7 @@ def frames_table(gripper: Gripper) -> str:
     ]
     for i, axis in enumerate("xyz"):
         rows.append(f"  +{axis} tcp    {_numbers(rotation[:, i])} in the base; {meanings[i]}")
-    rows.append(f"opening     {low * 1e3:g} to {high * 1e3:g} mm")
+    rows.append(f"opening     {round(low * 1e3, 2):g} to {round(high * 1e3, 2):g} mm")
     rows.append(f"force       at most {gripper.force_limit:g} N")
     closed, opened = gripper.joint_positions(low), gripper.joint_positions(high)
     for joint in gripper.finger_joints:
@@ -42,8 +42,24 @@ def frames_table(gripper: Gripper) -> str:
         rows.append(f"pad {side}      link {pad.link}, {size}")
     for label, width in (("closed", low), ("open", high)):
         first, second = gripper.pad_centres(width)
-        rows.append(f"pads {label:<6} at {_numbers(first)} and {_numbers(second)} m in the tcp")
+        places = f"{_numbers(first)} and {_numbers(second)} m in the tcp"
+        rows.append(f"pads {label:<6} at {places}{_tilts(gripper, width)}")
     return "\n".join(rows)
+
+
+def hand_line(gripper: Gripper) -> str:
+    """One line: name, opening, force, and where the TCP is in the base."""
+    low, high = (1e3 * value for value in gripper.opening)
+    position = _numbers(gripper.base_from_tcp[:3, 3])
+    stroke, force = f"{low:.0f} to {high:.0f} mm", f"{gripper.force_limit:g} N"
+    return f"{gripper.name:<20}{stroke:<17}{force:<7}tcp at {position} m in {gripper.base_link}"
+
+
+def _tilts(gripper: Gripper, width: float) -> str:
+    """How far the faces are turned from square to the closing axis, where they are."""
+    cosines = np.abs(gripper.pad_faces(np.array([width])).normals[0, :, 0])
+    first, second = np.degrees(np.arccos(np.clip(cosines, 0, 1)))
+    return f", turned by {first:.0f} and {second:.0f} degrees" if max(first, second) >= 0.5 else ""
 
 
 def _numbers(values: Float[np.ndarray, "3"]) -> str:

@@ -1,0 +1,55 @@
+"""What a gripper does with boxes of known width: the quickest check of a gripper of one's own.
+
+Each box stands upright, 40 mm deep and 100 mm high; the gripper comes from above, the box's middle between
+its opened pads, and holds the uppermost quarter of the pads' height.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grasptransfer.frames import rigid
+from grasptransfer.grasping.grasp import Grasp
+from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.simulation.execution import simulate
+from grasptransfer.simulation.outcome import TrialResult
+
+if TYPE_CHECKING:
+    import trimesh
+
+DEPTH, HEIGHT = 0.04, 0.1  # m, of every box
+DOWNWARDS = np.diag([1.0, -1.0, -1.0])
+COVERED = 0.25  # share of a pad's height, above its middle, that the box reaches to
+
+
+def box_widths(gripper: Gripper) -> tuple[float, float, float]:
+    """The three widths [m]: 20 mm, 50 mm, and nine tenths of the largest opening."""
+    return 0.02, 0.05, 0.9 * gripper.max_width
+
+
+def box_of(width: float) -> "trimesh.Trimesh":
+    """A box of this width along x [m], its middle at the origin."""
+    import trimesh
+
+    return trimesh.creation.box(extents=(width, DEPTH, HEIGHT))
+
+
+def box_grasp(gripper: Gripper, width: float) -> Grasp:
+    """The grasp of a box of this width [m] from above."""
+    opening, pads = gripper.approach_opening(width), np.clip([width], *gripper.opening)
+    along = float(gripper.pad_faces(pads).across[0, :, 1].mean())  # of the pads' middle, TCP z
+    covered = COVERED * min(pad.size[1] for pad in gripper.pads)
+    middle = float(gripper.pad_middle(np.array([opening]))[0])
+    position = np.array([-middle, 0.0, HEIGHT / 2 - covered + along])
+    return Grasp("top", "box", rigid(DOWNWARDS, position), width)
+
+
+def hold_boxes(gripper: Gripper, widths: Sequence[float] | None = None) -> list[TrialResult]:
+    """Execute the grasp of each box, by `lift-shake-v1`.
+
+    Args:
+        widths: of the boxes [m]; None: `box_widths`.
+    """
+    widths = box_widths(gripper) if widths is None else widths
+    return [simulate([box_grasp(gripper, width)], box_of(width), gripper)[0] for width in widths]
