@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 LEAST_MASS = 0.01  # kg of a link that the URDF gives none: lighter ones shake in the solver
 LEAST_MOMENT = 1e-6  # kg m2, likewise
+# kg, kg m2 of the base: an arm carries it. One of 0.14 kg between fingers as heavy as their drives lets the
+# coupling of the fingers err by 1 mm (OpenManipulator-X); the Panda hand weighs 0.73 kg.
+LEAST_BASE_MASS, LEAST_BASE_MOMENT = 0.7, 6e-4
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,9 @@ class Hand:
         meshes: file name and OBJ text of each collision mesh.
         base_from_tcp: (4, 4) [m].
         joints: name and ratio to the driver of each moving joint, the driver first.
+        leaders: number of the joint that each is geared to: the next one nearer to the base in its own
+            chain, or the driver. So a finger's own torques meet in that finger, and what the solver
+            leaves over of one finger's coupling does not push the other.
         drivers, openings: tables of driver values and the pad distances that belong to them [m].
         offsets: of each joint, metres or radians.
         opening: smallest and largest distance between the pads [m].
@@ -42,6 +48,7 @@ class Hand:
     meshes: tuple[tuple[str, str], ...] = field(repr=False)
     base_from_tcp: Float[np.ndarray, "4 4"]
     joints: tuple[tuple[str, float], ...]
+    leaders: tuple[int, ...]
     offsets: tuple[float, ...]
     drivers: Float[np.ndarray, "t"] = field(repr=False)
     openings: Float[np.ndarray, "t"] = field(repr=False)
@@ -77,6 +84,7 @@ def hand_of(gripper: Gripper) -> Hand:
         meshes=meshes,
         base_from_tcp=np.array(gripper.base_from_tcp),
         joints=joints,
+        leaders=_leaders([joint.name for joint in moving], gripper),
         offsets=tuple(joint.offset for joint in moving),
         drivers=np.array(gripper.driver_table),
         openings=np.array(gripper.opening_table),
@@ -87,6 +95,18 @@ def hand_of(gripper: Gripper) -> Hand:
         pad_centres=np.stack([first.centre, second.centre]),
         force_limit=gripper.force_limit,
     )
+
+
+def _leaders(names: list[str], gripper: Gripper) -> tuple[int, ...]:
+    """See `Hand.leaders`."""
+    chains = {
+        link.chain[-1].name: [joint.name for joint in link.chain] for link in gripper.links if link.chain
+    }
+    found = []
+    for name in names:
+        nearer = [other for other in chains[name][:-1] if other in names]
+        found.append(names.index(nearer[-1]) if nearer else 0)
+    return tuple(found)
 
 
 def _urdf(gripper: Gripper) -> tuple[str, tuple[tuple[str, str], ...]]:
@@ -100,7 +120,7 @@ def _urdf(gripper: Gripper) -> tuple[str, tuple[tuple[str, str], ...]]:
     for number, link in enumerate(gripper.links):
         given = next(element for element in source.findall("link") if element.get("name") == link.name)
         element = ElementTree.SubElement(robot, "link", name=link.name)
-        element.append(_inertial(given.find("inertial")))
+        element.append(_inertial(given.find("inertial"), is_base=number == 0))
         meshes += _add_shapes(element, link, f"link{number}")
     for joint in source.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
@@ -137,14 +157,23 @@ def _origin(parent_from_child: Float[np.ndarray, "4 4"]) -> ElementTree.Element:
     return ElementTree.Element("origin", xyz=position, rpy=" ".join(f"{value:.9g}" for value in angles))
 
 
-def _inertial(given: ElementTree.Element | None) -> ElementTree.Element:
-    if given is not None:
+def _inertial(given: ElementTree.Element | None, *, is_base: bool) -> ElementTree.Element:
+    mass, moment = (LEAST_BASE_MASS, LEAST_BASE_MOMENT) if is_base else (LEAST_MASS, LEAST_MOMENT)
+    if given is not None and not (is_base and _mass(given) < LEAST_BASE_MASS):
         return given
     element = ElementTree.Element("inertial")
-    ElementTree.SubElement(element, "mass", value=str(LEAST_MASS))
-    moment = str(LEAST_MOMENT)
+    origin = None if given is None else given.find("origin")
+    if origin is not None:
+        element.append(origin)
+    ElementTree.SubElement(element, "mass", value=str(mass))
+    moment = str(moment)
     ElementTree.SubElement(element, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
     return element
+
+
+def _mass(inertial: ElementTree.Element) -> float:
+    mass = inertial.find("mass")
+    return 0.0 if mass is None else float(mass.get("value", 0.0))
 
 
 def _add_shapes(element: ElementTree.Element, link: FingerLink, stem: str) -> list[tuple[str, str]]:

@@ -131,6 +131,8 @@ def _load_mesh(geometry: Any, link: str, path: Path) -> "tuple[trimesh.Trimesh, 
     mesh = read_mesh(found, error=GripperError, key=link).mesh
     if mesh is None:
         raise GripperError("mesh file holds no triangles", path=found, key=link)
+    if found.suffix.lower() == ".dae" and mesh.units is not None:
+        mesh.convert_units("meters")  # COLLADA names its unit; ROS obeys it
     if geometry.scale is not None:
         mesh.apply_scale(geometry.scale)
     if mesh.extents.max() > LARGEST_LINK:
@@ -148,7 +150,7 @@ def _find(name: str, link: str, path: Path) -> Path:
     if scheme in ("", "file"):
         candidates = [path.parent / rest]
     else:
-        package, *inner = Path(rest).parts
+        package, *inner = Path(rest).parts or ("",)
         folders = [path.parent.resolve(), *path.parent.resolve().parents]
         named = [folder for folder in folders if folder.name == package]
         named += [folder / package for folder in folders]

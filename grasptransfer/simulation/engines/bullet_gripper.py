@@ -79,21 +79,20 @@ class BulletGripper(FloatingGripper):
         return moving
 
     def _couple(self):
-        """Gears from the driver to every other joint."""
-        driver, *others = self._joints
-        (_, first), *ratios = self.hand.joints
-        driver_offset, *offsets = self.hand.offsets
-        axis, origin = [1, 0, 0], [0, 0, 0]
-        for index, (_, ratio), offset in zip(others, ratios, offsets, strict=True):
-            relative, kind = ratio / first, self._bullet.JOINT_GEAR
-            bodies = (self.body, driver, self.body, index)
+        """Gears from each joint's leader to it."""
+        axis, origin, kind = [1, 0, 0], [0, 0, 0], self._bullet.JOINT_GEAR
+        for number, leader in list(enumerate(self.hand.leaders))[1:]:
+            (_, ratio), offset = self.hand.joints[number], self.hand.offsets[number]
+            (_, first), leader_offset = self.hand.joints[leader], self.hand.offsets[leader]
+            relative = ratio / first
+            bodies = (self.body, self._joints[leader], self.body, self._joints[number])
             gear = self._call("createConstraint", *bodies, kind, axis, origin, origin)
             self.constraints.append(gear)
             self._call(
                 "changeConstraint",
                 gear,
                 gearRatio=-1 / relative,
-                relativePositionTarget=(relative * driver_offset - offset) / relative,
+                relativePositionTarget=(relative * leader_offset - offset) / relative,
                 erp=self.protocol.gear_erp,
                 maxForce=self.protocol.gear_force,
             )
