@@ -37,7 +37,7 @@ from grasptransfer.grasping import (
     refine_grasps,
     warp_grasps,
 )
-from grasptransfer.perception.estimators import ESTIMATORS, make_estimator
+from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.registration import DeformationField
 from grasptransfer.registration import register_pair as pair_fields
 from grasptransfer.registration.blas_threads import single_blas_thread
@@ -92,9 +92,8 @@ class GraspTransfer:
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
         self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))
-        self.estimator = make_estimator(
-            estimator, self.category, refine_pose=refine_pose, device=device, precision=precision
-        )
+        settings = EstimatorSettings(refine_pose, device, precision)
+        self.estimator = make_estimator(estimator, self.category, settings)
         self.seed = seed
 
     def transfer(

@@ -58,7 +58,7 @@ def train(
         workers: rendering processes.
     """
     from grasptransfer.category import list_categories, load_category
-    from grasptransfer.perception.estimators import choose_device
+    from grasptransfer.perception.device import choose_device
     from grasptransfer.perception.precision import choose_precision
     from grasptransfer.workshop.training.model_card import default_output
     from grasptransfer.workshop.training.training import TrainingConfig

@@ -6,6 +6,7 @@ from typing import Annotated
 from rich.console import Console
 from tyro.conf import Positional, arg
 
+from grasptransfer.cli.arguments import EstimatorName
 from grasptransfer.cli.progress import progress_bar
 
 console = Console(markup=False)
@@ -39,7 +40,7 @@ def transfer(
     box: tuple[float, float, float, float] | None = None,
     execute: Path | None = None,
     refine_pose: bool = True,
-    estimator: str = "rgb",
+    estimator: EstimatorName = "rgb",
     depth: Path | None = None,
     device: str = "auto",
     precision: str = "auto",
@@ -59,7 +60,6 @@ def transfer(
         box: instead of a mask: u0 v0 u1 v1 around the object [px], as any detector gives it.
         execute: true mesh of the instance [m], standing at the told pose; PyBullet executes the grasps on it.
         refine_pose: fit the pose together with the shape.
-        estimator: rgb, rgbd, cls, cpd, similarity or rigid.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.
         precision: auto, float32 or bfloat16; auto: as the processor has instructions for.

@@ -1,83 +1,165 @@
-"""Every estimator by its name."""
+"""Every estimator, registered once: `ESTIMATORS` serves API, commands, service and benchmarks.
+
+An estimator is a callable `Observation -> ShapeEstimate`. A new one is written in a file of its own and added
+to `ESTIMATORS`; its module is imported when one is made, so that the registry itself is light.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.perception.device import check_device
 from grasptransfer.perception.precision import check_precision
 
 if TYPE_CHECKING:
     from grasptransfer.category import Category
+    from grasptransfer.drawing.rendering import Renderer
     from grasptransfer.perception.estimate import Estimator
 
-ESTIMATORS = ("rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
 
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """What an estimator is made with, whichever it is; each takes from it what it has use for.
 
-def check_device(device: str) -> None:
-    """Refuse a device that is unknown, or not in this machine.
+    Args:
+        refine_pose: fit the pose together with the shape, where the estimator can.
+        device: "auto", "cpu" or "cuda", of networks.
+        precision: "auto", "float32" or "bfloat16", of networks.
+        weights: a `.safetensors` file; None takes the one shipped for the category.
+        renderer: shared with others; None makes one.
+        masks_for_depth_alone: hide masks from the network and show it the box alone, as a detector gives
+            it. Benchmarks do, which give the exact mask to the estimators that cut it out of depth.
 
     Raises:
-        SettingsError: with the devices there are.
+        SettingsError: an unknown device or precision.
     """
-    if device in ("auto", "cpu"):
-        return
-    import torch
 
-    here = ("auto", "cpu", "cuda") if torch.cuda.is_available() else ("auto", "cpu")
-    if device not in here:
-        problem = "is not in this machine" if device == "cuda" else "unknown device"
-        raise SettingsError(problem, key="device", value=device, choices=here)
+    refine_pose: bool = True
+    device: str = "auto"
+    precision: str = "auto"
+    weights: Path | None = None
+    renderer: Renderer | None = None
+    masks_for_depth_alone: bool = False
+
+    def __post_init__(self):
+        check_device(self.device)
+        check_precision(self.precision)
 
 
-def choose_device(device: str) -> str:
-    """ "cpu" or "cuda"; "auto" takes a GPU where there is one."""
-    check_device(device)
-    if device == "auto":
-        import torch
+@dataclass(frozen=True)
+class EstimatorSpec:
+    """One entry of the registry.
 
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    return device
+    Args:
+        make: the estimator for a category; a bound is made for an instance, whose truth it knows.
+        sentence: what it does, without a full stop, for help and documents.
+        needs_depth: it uses a depth picture; without one it refuses, or says no more than the picture does.
+        needs_box: it refuses a picture without box or mask.
+        field_holds_pose: its field also takes up the error of the given pose, as it knows no category.
+        bound: no method, but what methods are measured against.
+    """
+
+    make: Callable[[Any, EstimatorSettings], Estimator]
+    sentence: str
+    needs_depth: bool = False
+    needs_box: bool = False
+    field_holds_pose: bool = False
+    bound: bool = False
 
 
 def make_estimator(
-    estimator: str | Estimator,
-    category: Category,
-    *,
-    refine_pose: bool = True,
-    device: str = "auto",
-    precision: str = "auto",
+    estimator: str | Estimator, category: Category, settings: EstimatorSettings | None = None
 ) -> Estimator:
     """The estimator of this name for a category; a callable is one already.
 
     Args:
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
-        refine_pose: fit the pose together with the shape, where the estimator can.
-        device: "auto", "cpu" or "cuda", of networks.
-        precision: "auto", "float32" or "bfloat16", of networks.
+        category: whose instances it will see.
+        settings: None takes the defaults.
 
     Raises:
-        SettingsError: an unknown name, device or precision.
+        SettingsError: an unknown name.
         WeightsError: no trained network for the category.
     """
-    check_device(device)
-    check_precision(precision)
     if callable(estimator):
         return estimator
-    if estimator in ("rgb", "rgbd"):
-        from grasptransfer.perception.rgb import RgbEstimator
-        from grasptransfer.perception.rgbd import RgbdEstimator
+    check_estimators([estimator], key="estimator")
+    return ESTIMATORS[estimator].make(category, settings or EstimatorSettings())
 
-        rgb = RgbEstimator(category, refine_pose=refine_pose, device=device, precision=precision)
-        return rgb if estimator == "rgb" else RgbdEstimator(category, rgb)
-    from grasptransfer.perception import baselines
 
-    if estimator == "cls":
-        return baselines.ClsEstimator(category, refine_pose=refine_pose)
-    if estimator == "cpd":
-        return baselines.CpdEstimator(category)
-    if estimator == "similarity":
-        return baselines.SimilarityEstimator(category)
-    if estimator == "rigid":
-        return baselines.RigidEstimator(category)
-    raise SettingsError("unknown estimator", key="estimator", value=estimator, choices=ESTIMATORS)
+def check_estimators(names: Iterable[str], *, key: str, known: Iterable[str] | None = None) -> None:
+    """Refuse names that are not registered.
+
+    Args:
+        key: the argument that holds them.
+        known: the names there are; None takes `ESTIMATORS`.
+
+    Raises:
+        SettingsError: with the names there are.
+    """
+    choices = tuple(ESTIMATORS if known is None else known)
+    for name in names:
+        if name not in choices:
+            raise SettingsError("unknown estimator", key=key, value=name, choices=choices)
+
+
+def _rgb(category: Category, settings: EstimatorSettings) -> Estimator:
+    from grasptransfer.perception.rgb import RgbEstimator
+
+    estimator = RgbEstimator(
+        category,
+        renderer=settings.renderer,
+        weights=settings.weights,
+        refine_pose=settings.refine_pose,
+        device=settings.device,
+        precision=settings.precision,
+    )
+    if settings.masks_for_depth_alone:
+        return lambda observation: estimator(replace(observation, depth=None, mask=None))
+    return estimator
+
+
+def _rgbd(category: Category, settings: EstimatorSettings) -> Estimator:
+    from grasptransfer.perception.rgbd import RgbdEstimator
+
+    return RgbdEstimator(category, _rgb(category, settings))
+
+
+def _cls(category: Category, settings: EstimatorSettings) -> Estimator:
+    from grasptransfer.perception.baselines import ClsEstimator
+
+    return ClsEstimator(category, refine_pose=settings.refine_pose)
+
+
+def _cpd(category: Category, _: EstimatorSettings) -> Estimator:
+    from grasptransfer.perception.baselines import CpdEstimator
+
+    return CpdEstimator(category)
+
+
+def _similarity(category: Category, _: EstimatorSettings) -> Estimator:
+    from grasptransfer.perception.baselines import SimilarityEstimator
+
+    return SimilarityEstimator(category)
+
+
+def _rigid(category: Category, _: EstimatorSettings) -> Estimator:
+    from grasptransfer.perception.baselines import RigidEstimator
+
+    return RigidEstimator(category)
+
+
+ESTIMATORS: dict[str, EstimatorSpec] = {
+    "rgb": EstimatorSpec(_rgb, "shape and pose from one picture, by the trained network"),
+    "rgbd": EstimatorSpec(_rgbd, "rgb, corrected by measured depth", needs_depth=True),
+    "cls": EstimatorSpec(_cls, "shape space fitted to the depth cloud", needs_depth=True, needs_box=True),
+    "cpd": EstimatorSpec(
+        _cpd, "CPD to the depth cloud", needs_depth=True, needs_box=True, field_holds_pose=True
+    ),
+    "similarity": EstimatorSpec(_similarity, "the canonical model in another size", needs_box=True),
+    "rigid": EstimatorSpec(_rigid, "the canonical model as it is"),
+}

@@ -17,8 +17,8 @@ from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.confidence import Evidence, evidence
+from grasptransfer.perception.device import choose_device
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
-from grasptransfer.perception.estimators import choose_device
 from grasptransfer.perception.network_input import network_input, view_from_object, zoom_for
 from grasptransfer.perception.networks import (
     FLOW_UNIT,

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from grasptransfer.perception.estimators import ESTIMATORS
+
 Json = Annotated[Path, arg(help="file for the results.")]
 ResumedJson = Annotated[Path, arg(help="file for the results; a killed run goes on from the file beside it.")]
 Categories = Annotated[tuple[str, ...], arg(help="names; none given: all that have weights.")]
@@ -13,6 +15,12 @@ Meshes = Annotated[
 ]
 Views = Annotated[int, arg(help="of the 74 viewpoints, spread evenly.")]
 ViewsOfEach = Annotated[int, arg(help="of each object.")]
+Estimators = Annotated[
+    tuple[str, ...],
+    arg(
+        help=f"gt (the truth), {', '.join(ESTIMATORS)}; none given: all but rgbd, with a wrong pose also but gt."
+    ),
+]
 Weights = Annotated[Path | None, arg(help="file for rgb instead of the shipped ones.")]
 Repeats = Annotated[int, arg(help="of each measurement; their median counts.")]
 Workers = Annotated[int, arg(help="processes.")]

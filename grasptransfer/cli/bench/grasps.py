@@ -5,6 +5,7 @@ from functools import partial
 
 from grasptransfer.cli.bench.arguments import (
     Categories,
+    Estimators,
     Gripper,
     Json,
     Meshes,
@@ -25,7 +26,7 @@ def grasp(
     meshes: Meshes = None,
     objects: int = 0,
     views: Views = 12,
-    estimators: tuple[str, ...] = ("gt", "rgb", "cls", "cpd", "similarity", "rigid"),
+    estimators: Estimators = (),
     gripper: Gripper = "panda",
     protocol: str = "lift-shake-v1",
     translation: Translation = 0.0,
@@ -37,10 +38,10 @@ def grasp(
 
     Args:
         objects: random shapes of each category instead of the test instances; 0: none.
-        estimators: gt (the true field), rgb, cls, cpd, similarity, rigid.
         protocol: named and versioned execution protocol.
         seed: of lights, backgrounds, pose errors and trials.
     """
+    from grasptransfer.workshop.benchmark.estimators import DEFAULT
     from grasptransfer.workshop.benchmark.grasp import GraspSettings, run_grasp_benchmark
 
     settings = GraspSettings(
@@ -53,7 +54,7 @@ def grasp(
         seed,
         translation,
         math.radians(rotation),
-        estimators,
+        estimators or DEFAULT,
     )
     return run(partial(run_grasp_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
 

@@ -5,8 +5,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from grasptransfer.cli.arguments import EstimatorName
 from grasptransfer.cli.bench.arguments import (
     Categories,
+    Estimators,
     Gripper,
     Json,
     Meshes,
@@ -31,7 +33,7 @@ def registration(
     categories: Categories = (),
     meshes: Meshes = None,
     views: Views = 74,
-    estimators: tuple[str, ...] = (),
+    estimators: Estimators = (),
     weights: Weights = None,
     refine_pose: bool = False,
     maps: Path | None = None,
@@ -41,12 +43,11 @@ def registration(
     """Errors of rgb, cls, cpd, rigid, similarity and true offsets on the same views (the paper's table I).
 
     Args:
-        estimators: gt, cls, cpd, rgb, rgbd, rigid, similarity; none given: all but rgbd.
         refine_pose: let rgb and cls refine the (true) pose.
         maps: PNG for predicted and true deformations of one instance a category (the paper's figure 7).
         seed: of lights and backgrounds.
     """
-    from grasptransfer.workshop.benchmark.estimators import NAMES
+    from grasptransfer.workshop.benchmark.estimators import DEFAULT
     from grasptransfer.workshop.benchmark.registration import RegistrationSettings, run_registration_benchmark
 
     settings = RegistrationSettings(
@@ -55,7 +56,7 @@ def registration(
         views,
         seed,
         refine_pose=refine_pose,
-        methods=estimators or NAMES,
+        methods=estimators or DEFAULT,
         weights=weights,
     )
     benchmark = partial(run_registration_benchmark, settings, workers=workers, ledger=ledger_of(json))
@@ -88,7 +89,7 @@ def pose_noise(
     views: Views = 74,
     translation: Translation = 0.05,
     rotation: Rotation = 0.0,
-    estimators: tuple[str, ...] = ("cpd", "cls", "rgb", "rigid", "similarity"),
+    estimators: Estimators = (),
     weights: Weights = None,
     workers: Workers = 2,
     seed: int = 0,
@@ -96,9 +97,9 @@ def pose_noise(
     """The same with a wrong pose told to every method (the paper's table II); rgb and cls refine it.
 
     Args:
-        estimators: gt, cls, cpd, rgb, rgbd, rigid, similarity.
         seed: of lights, backgrounds and pose errors.
     """
+    from grasptransfer.workshop.benchmark.estimators import METHODS
     from grasptransfer.workshop.benchmark.registration import RegistrationSettings, run_pose_noise_benchmark
 
     settings = RegistrationSettings(
@@ -109,7 +110,7 @@ def pose_noise(
         translation,
         math.radians(rotation),
         refine_pose=True,
-        methods=estimators,
+        methods=estimators or METHODS,
         weights=weights,
     )
     return run(partial(run_pose_noise_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
@@ -198,7 +199,7 @@ def latency(
     json: Json,
     categories: tuple[str, ...] = (),
     views: int = 20,
-    estimator: str = "rgb",
+    estimator: EstimatorName = "rgb",
     refine_pose: bool = True,
     gripper: Gripper = "panda",
     device: str = "auto",
@@ -209,7 +210,6 @@ def latency(
     Args:
         categories: names, each in a fresh process; none given: all that have weights.
         views: pictures after the first one.
-        estimator: rgb, rgbd, cls, cpd, similarity or rigid.
         refine_pose: fit the pose together with the shape.
         device: auto, cpu or cuda.
         seed: of pictures.

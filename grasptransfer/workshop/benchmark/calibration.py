@@ -6,7 +6,7 @@ PyBullet; the ranking's logistic models are fitted to what held. Half of the sha
 
 import itertools
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from grasptransfer.grasping.ranking import (
     expected_success,
     grasp_features,
 )
-from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.estimators import EstimatorSettings, make_estimator
 from grasptransfer.simulation import simulate
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
@@ -159,14 +159,15 @@ def _execute_on(settings: CalibrationSettings, category: str, name: str) -> dict
     with Renderer() as renderer:
         flows = []
         for noise in noises:
-            estimator = RgbEstimator(instance.category, renderer=renderer, refine_pose=noise != NO_NOISE)
+            made_with = EstimatorSettings(noise != NO_NOISE, renderer=renderer, masks_for_depth_alone=True)
+            estimator = make_estimator("rgb", instance.category, made_with)
             flows.append(GraspTransfer(instance.category, gripper=gripper, estimator=estimator))
         for view, viewpoint in enumerate(viewpoints_of(name, settings.views)):
             flow, noise = flows[view % 2], noises[view % 2]
             observation, pose = observe_instance(
                 instance, viewpoint, renderer=renderer, noise=noise, seed=settings.seed
             )
-            executed += _execute(flow, replace(observation, depth=None, mask=None), pose, instance, settings)
+            executed += _execute(flow, observation, pose, instance, settings)
     return {"grasps": [{"features": one.features.tolist(), "held": one.held} for one in executed]}
 
 

@@ -60,7 +60,7 @@ def map_deformation(
     """See an instance and compare the estimated field with the true one at the canonical's visible pixels.
 
     Args:
-        method: one of `estimators.NAMES`.
+        method: one of `estimators.OF_SHAPES`.
         viewpoint: index of the 74.
     """
     sight = see_instance(instance, viewpoint, renderer=renderer, seed=seed)

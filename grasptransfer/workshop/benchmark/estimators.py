@@ -1,26 +1,20 @@
 """The estimators that are compared, by name; `gt` is the bound that true offsets give."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from grasptransfer.category import Category
 from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.drawing.rendering import Renderer
-from grasptransfer.errors import SettingsError
-from grasptransfer.perception.baselines import ClsEstimator, CpdEstimator, RigidEstimator, SimilarityEstimator
 from grasptransfer.perception.canonical_view import view_canonical
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate, with_certain_pose
+from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, EstimatorSpec, check_estimators
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.rgb import RgbEstimator
-from grasptransfer.perception.rgbd import RgbdEstimator
 from grasptransfer.perception.zoom import zoom_box, zoom_camera
 
 from grasptransfer.workshop.benchmark.seen_instances import Instance  # isort: skip
 
-NAMES = ("gt", "cls", "cpd", "rgb", "rigid", "similarity")
-OFFERED = (*NAMES, "rgbd")
 TRUE_OFFSET_NOISE = 1e-3  # m: what the shape space cannot express of a true offset
 CPD_OFFSET_NOISE = 4e-3  # m: how far CPD's correspondences are off, `measured` in the category files
 
@@ -56,51 +50,57 @@ class TrueFieldEstimator:
         return ShapeEstimate(self.instance.true_field, observation.camera_from_object)
 
 
+def _true_offsets(instance: Instance, _: EstimatorSettings) -> Estimator:
+    return TrueOffsetsEstimator(instance)
+
+
+def _true_field(instance: Instance, _: EstimatorSettings) -> Estimator:
+    return TrueFieldEstimator(instance)
+
+
+# What shapes are compared with, and what grasps are; each benchmark calls its bound "gt".
+OF_SHAPES = {"gt": EstimatorSpec(_true_offsets, "true offsets of what is seen", bound=True)} | ESTIMATORS
+OF_GRASPS = {"gt": EstimatorSpec(_true_field, "the true field at the true pose", bound=True)} | ESTIMATORS
+NOT_BY_DEFAULT = ("rgbd",)  # it does the work of rgb once more: measured where it is named
+DEFAULT = tuple(name for name in OF_SHAPES if name not in NOT_BY_DEFAULT)
+METHODS = tuple(name for name in DEFAULT if not OF_SHAPES[name].bound)
+OF_DEPTH = tuple(name for name, spec in ESTIMATORS.items() if spec.needs_depth)
+
+
 @dataclass
 class EstimatorSet:
-    """Builds the estimators of one instance; network and renderer are shared by all instances of a category.
+    """Makes estimators by name; all instances of a category share those that do not know the truth.
 
     Args:
-        refine_pose: let `rgb`, `rgbd` and `cls` refine the pose.
+        renderer: shared by all of them.
+        refine_pose: let those refine the pose that can.
         weights: file for `rgb`; None takes the shipped ones.
+        registry: `OF_SHAPES` or `OF_GRASPS`.
     """
 
     renderer: Renderer
     refine_pose: bool
     weights: Path | None = None
-    _rgb: RgbEstimator | None = None
+    registry: dict[str, EstimatorSpec] = field(default_factory=lambda: OF_SHAPES)
+    _made: dict[tuple[str, str], Estimator] = field(default_factory=dict)
 
     def of(self, instance: Instance, names: tuple[str, ...]) -> dict[str, Estimator]:
-        """The estimators called `names` for this instance."""
-        return {name: self._make(name, instance) for name in names}
+        """The estimators called `names` for this instance.
 
-    def _make(self, name: str, instance: Instance) -> Estimator:
-        category = instance.category
-        if name == "gt":
-            return TrueOffsetsEstimator(instance)
-        if name == "rgb":
-            return _without_depth(self._picture(category))
-        if name == "rgbd":
-            first = _without_depth(self._picture(category))
-            return RgbdEstimator(category, first)
-        if name == "cls":
-            return ClsEstimator(category, refine_pose=self.refine_pose)
-        if name == "cpd":
-            return CpdEstimator(category)
-        if name == "rigid":
-            return RigidEstimator(category)
-        if name == "similarity":
-            return SimilarityEstimator(category)
-        raise SettingsError("unknown estimator", key="estimators", value=name, choices=OFFERED)
+        Raises:
+            SettingsError: an unknown name.
+        """
+        check_estimators(names, key="estimators", known=self.registry)
+        return {name: self._of(name, instance) for name in names}
 
-    def _picture(self, category: Category) -> RgbEstimator:
-        if self._rgb is None or self._rgb.category.name != category.name:
-            self._rgb = RgbEstimator(
-                category, renderer=self.renderer, weights=self.weights, refine_pose=self.refine_pose
-            )
-        return self._rgb
-
-
-def _without_depth(estimator: Estimator) -> Estimator:
-    """RGB must not see depth, nor the exact mask: a box is all a detector gives."""
-    return lambda observation: estimator(replace(observation, depth=None, mask=None))
+    def _of(self, name: str, instance: Instance) -> Estimator:
+        settings = EstimatorSettings(
+            self.refine_pose, weights=self.weights, renderer=self.renderer, masks_for_depth_alone=True
+        )
+        spec = self.registry[name]
+        if spec.bound:
+            return spec.make(instance, settings)
+        key = (name, instance.category.name)
+        if key not in self._made:
+            self._made[key] = spec.make(instance.category, settings)
+        return self._made[key]

@@ -12,9 +12,10 @@ from grasptransfer.category import Category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
+from grasptransfer.perception.estimators import ESTIMATORS
 from grasptransfer.perception.observation import Observation
 from grasptransfer.workshop.benchmark.document import document
-from grasptransfer.workshop.benchmark.estimators import EstimatorSet
+from grasptransfer.workshop.benchmark.estimators import OF_DEPTH, EstimatorSet
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.judge import Judge
 from grasptransfer.workshop.benchmark.registration_summary import MethodScores
@@ -28,7 +29,6 @@ from grasptransfer.workshop.benchmark.seen_instances import (
 from grasptransfer.workshop.training.scenes import PoseNoise
 
 WALL = (0.05, 0.40)  # m behind the object
-USE_DEPTH = ("cls", "cpd")
 GATE = 1.5  # times the canonical model's radius
 RIGHT = 0.01  # m: nearer to the truth a depth counts as measured
 
@@ -54,7 +54,7 @@ class GlassSettings:
     seed: int = 0
     sensor: DepthSensor = field(default_factory=DepthSensor)
     gate: bool = True
-    methods: tuple[str, ...] = ("rgb", "rgbd", "cls", "cpd")
+    methods: tuple[str, ...] = ("rgb", *OF_DEPTH)
     weights: Path | None = None
     pose_noise: PoseNoise | None = None
 
@@ -164,16 +164,16 @@ def _gated(sensed: Observation, category: Category) -> Observation:
 def _cases(
     settings: GlassSettings, exact: Observation, sensed: Observation, gated: Observation
 ) -> dict[str, tuple[str, Observation]]:
-    """Name of each case, its estimator and what that sees; the exact mask is for cls and cpd alone."""
+    """Name of each case, its estimator and what that sees; the exact mask is for those that need it alone."""
     cases = {}
     for method in settings.methods:
-        if method == "rgbd":
-            cases["rgbd_true_depth"] = (method, replace(exact, mask=None))
-            cases["rgbd_sensor"] = (method, replace(sensed, mask=None))
-        elif method in USE_DEPTH:
+        if method not in OF_DEPTH:
+            cases[method] = (method, exact)
+        elif ESTIMATORS[method].needs_box:
             cases |= {f"{method}_true_depth": (method, exact), f"{method}_sensor": (method, gated)}
         else:
-            cases[method] = (method, exact)
+            cases[f"{method}_true_depth"] = (method, replace(exact, mask=None))
+            cases[f"{method}_sensor"] = (method, replace(sensed, mask=None))
     return cases
 
 

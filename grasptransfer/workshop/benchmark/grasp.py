@@ -14,11 +14,12 @@ from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_gripper
+from grasptransfer.perception.estimators import check_estimators
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import load_protocol, simulate
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
-from grasptransfer.workshop.benchmark.estimators import EstimatorSet, TrueFieldEstimator
+from grasptransfer.workshop.benchmark.estimators import DEFAULT, OF_GRASPS, EstimatorSet
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.seen_instances import (
     Instance,
@@ -32,7 +33,6 @@ from grasptransfer.workshop.benchmark.seen_instances import (
 from grasptransfer.workshop.training.scenes import NO_NOISE, PoseNoise
 
 FIRST_SEED = 79_000_000  # of random shapes: far from those that networks, spaces and ranking were fitted to
-ESTIMATORS = ("gt", "rgb", "cls", "cpd", "similarity", "rigid")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class GraspSettings:
         seed: of lights, backgrounds, pose errors and trials.
         translation_noise: half-width of the told pose's error on each axis [m].
         rotation_noise: largest turn of the told pose [rad].
-        estimators: which of `ESTIMATORS`.
+        estimators: which of `estimators.OF_GRASPS`.
     """
 
     categories: tuple[str, ...]
@@ -61,7 +61,7 @@ class GraspSettings:
     seed: int = 0
     translation_noise: float = 0.0
     rotation_noise: float = 0.0
-    estimators: tuple[str, ...] = ESTIMATORS
+    estimators: tuple[str, ...] = DEFAULT
 
 
 def run_grasp_benchmark(
@@ -83,9 +83,7 @@ def run_grasp_benchmark(
         SettingsError: an unknown estimator or protocol, a wrong number of views, or both meshes and objects.
         GripperError: an unknown gripper.
     """
-    unknown = set(settings.estimators) - set(ESTIMATORS)
-    if unknown:
-        raise SettingsError("unknown estimator", key="estimators", value=sorted(unknown), choices=ESTIMATORS)
+    check_estimators(settings.estimators, key="estimators", known=OF_GRASPS)
     load_protocol(settings.protocol)  # wrong names are refused before minutes of pictures
     load_gripper(settings.gripper)
     spread_views(settings.views)
@@ -113,10 +111,8 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
     noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
     outcomes: dict[str, list[Outcome]] = defaultdict(list)
     with Renderer() as renderer:
-        others = tuple(name for name in settings.estimators if name != "gt")
-        estimators = EstimatorSet(renderer, refine_pose=noise != NO_NOISE).of(instance, others)
-        if "gt" in settings.estimators:
-            estimators["gt"] = TrueFieldEstimator(instance)
+        kit = EstimatorSet(renderer, refine_pose=noise != NO_NOISE, registry=OF_GRASPS)
+        estimators = kit.of(instance, settings.estimators)
         flows = {
             key: GraspTransfer(instance.category, gripper=gripper, estimator=estimator)
             for key, estimator in estimators.items()
@@ -126,7 +122,7 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
                 instance, viewpoint, renderer=renderer, noise=noise, seed=settings.seed
             )
             for key, flow in flows.items():
-                seen = replace(observation, camera_from_object=pose) if key == "gt" else observation
+                seen = replace(observation, camera_from_object=pose) if OF_GRASPS[key].bound else observation
                 result = flow.grasp(seen, flow.estimator(seen))
                 outcomes[key].append(
                     execute(result, pose, instance.solid, protocol=settings.protocol, seed=settings.seed)

@@ -15,6 +15,7 @@ from grasptransfer.errors import GraspTransferError
 from grasptransfer.frames import invert, transform_points
 from grasptransfer.perception.baselines import RigidEstimator
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
+from grasptransfer.perception.estimators import ESTIMATORS
 from grasptransfer.perception.observation import Observation
 from grasptransfer.workshop.benchmark.errors_of_shape import (
     CANONICAL_POINTS,
@@ -25,8 +26,6 @@ from grasptransfer.workshop.benchmark.errors_of_shape import (
 )
 from grasptransfer.workshop.benchmark.registration_summary import MethodScores
 from grasptransfer.workshop.benchmark.seen_instances import Instance
-
-POSELESS = ("cpd",)  # their field takes up the error of the told pose
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,8 @@ class Judge:
         """Add this estimate's errors to the method's; arguments as of `ask`."""
         points = self.canonical.warped(estimate.field)
         placed_points = transform_points(invert(true_pose) @ estimate.camera_from_object, points)
-        shape_points = placed_points if method in POSELESS else points
+        holds_pose = method in ESTIMATORS and ESTIMATORS[method].field_holds_pose
+        shape_points = placed_points if holds_pose else points
         error = self.surface.error(shape_points)
         moved = not np.allclose(shape_points, placed_points, atol=1e-6)
         scores.errors.append(error)

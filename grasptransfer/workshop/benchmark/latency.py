@@ -13,6 +13,7 @@ import numpy as np
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.observation import Observation
 from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.estimators import OF_DEPTH
 from grasptransfer.workshop.benchmark.seen_instances import (
     instance_names,
     load_instance,
@@ -28,7 +29,7 @@ class LatencySettings:
     Args:
         categories: names, each in a process of its own.
         views: pictures after the first one.
-        estimator: see `transfer.ESTIMATORS`.
+        estimator: one of `ESTIMATORS`.
         refine_pose: fit the pose together with the shape.
         gripper: name.
         device: "auto", "cpu" or "cuda".
@@ -150,7 +151,7 @@ def _pictures(settings: LatencySettings, category: str) -> list[Observation]:
             instance = load_instance(category, names[view % len(names)], None)
             viewpoint = viewpoints[view % len(viewpoints)]
             observation, _ = observe_instance(instance, viewpoint, renderer=renderer, seed=settings.seed)
-            if settings.estimator in ("rgb", "similarity", "rigid"):
+            if settings.estimator not in OF_DEPTH:
                 observation = replace(observation, depth=None, mask=None)
             seen.append(observation)
     return seen

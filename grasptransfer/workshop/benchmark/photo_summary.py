@@ -5,8 +5,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-METHODS = ("rgb", "rigid", "similarity")
-DEPTH_METHODS = ("rgbd", "cls", "cpd")
+from grasptransfer.perception.estimators import ESTIMATORS
+
 SCORES = ("E", "silhouette_iou", "size_error")
 
 
@@ -21,7 +21,7 @@ def summarise_photos(rows: list[dict]) -> dict:
         summary[f"objects_lost_to_{other}"] = len(lost)
         summary[f"lost_to_{other}"] = ", ".join(lost)
     for category, group in _groups(rows, "category"):
-        for method in (*METHODS, *DEPTH_METHODS):
+        for method in ESTIMATORS:
             for score in SCORES:
                 values = [row[method][score] for row in group if score in row.get(method, {})]
                 if values:
@@ -30,7 +30,7 @@ def summarise_photos(rows: list[dict]) -> dict:
         ious = [row["mask_iou"] for row in group if row.get("mask_iou") is not None]
         if ious:
             summary[f"{category}_mask_iou_mean"] = float(np.mean(ious))
-    for method in (*METHODS, *DEPTH_METHODS):
+    for method in ESTIMATORS:
         summary |= _of_grasps(method, [row[method] for row in rows if "grasp_held" in row.get(method, {})])
     refused = sum(row.get("status") == "out_of_category" for row in rows)
     return summary | {"refused": refused}

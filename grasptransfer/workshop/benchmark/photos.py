@@ -1,6 +1,6 @@
 """`bench photos`: real photographs with known poses; compares shapes where a mesh is known, else sizes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,16 +17,9 @@ from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError, ImageError, SettingsError
 from grasptransfer.meshes import load_mesh
-from grasptransfer.perception.baselines import (
-    ClsEstimator,
-    CpdEstimator,
-    RigidEstimator,
-    SimilarityEstimator,
-)
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
+from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.perception.observation import Observation, observe
-from grasptransfer.perception.rgb import RgbEstimator
-from grasptransfer.perception.rgbd import RgbdEstimator
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.errors_of_shape import (
@@ -38,7 +31,7 @@ from grasptransfer.workshop.benchmark.errors_of_shape import (
 )
 from grasptransfer.workshop.benchmark.grasp import Outcome, execute
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
-from grasptransfer.workshop.benchmark.photo_summary import DEPTH_METHODS, summarise_photos
+from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
 
 
 class _Intrinsics(BaseModel):
@@ -144,48 +137,43 @@ def measure_object(settings: PhotoSettings, category: str, name: str) -> dict:
     loaded = load_category(category)
     photos = [p for p in read_photos(settings.photos) if (p.category, _object_of(p)) == (category, name)]
     with Renderer() as renderer:
-        rgb = RgbEstimator(
-            loaded, renderer=renderer, weights=settings.weights, refine_pose=settings.refine_pose
-        )
-        return {"rows": [_measure(photo, loaded, rgb, settings=settings) for photo in photos]}
+        made_with = EstimatorSettings(settings.refine_pose, weights=settings.weights, renderer=renderer)
+        names = [name for name, spec in ESTIMATORS.items() if settings.depth or not spec.needs_depth]
+        kit = {name: make_estimator(name, loaded, made_with) for name in names}
+        return {"rows": [_measure(p, loaded, kit, renderer=renderer, settings=settings) for p in photos]}
 
 
 def _object_of(photo: Photo) -> str:
     return photo.object or photo.mesh or photo.image
 
 
-def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: PhotoSettings) -> dict:
+def _measure(
+    photo: Photo,
+    category: Category,
+    kit: dict[str, Estimator],
+    *,
+    renderer: Renderer,
+    settings: PhotoSettings,
+) -> dict:
     told = _observation(photo, settings.photos, with_depth=settings.depth)
-    told_rgb = replace(told, mask=None, depth=None)
-    seen = told_rgb if settings.told_box else replace(told_rgb, box=None)
-    cases: dict[str, tuple[Estimator, Observation]] = {
-        "rgb": (rgb, seen),
-        "rigid": (RigidEstimator(category), told),
-    }
-    if told.box is not None:
-        cases["similarity"] = (SimilarityEstimator(category), told)
-        if told.depth is not None:
-            cases["rgbd"] = (RgbdEstimator(category, rgb), told)
-            cases["cls"] = (ClsEstimator(category, refine_pose=settings.refine_pose), told)
-            cases["cpd"] = (CpdEstimator(category), told)
     row = {
         "image": photo.image,
         "object": _object_of(photo),
         "category": photo.category,
         "pose_kind": photo.pose_kind,
     }
-    truth = _Truth.of(photo, settings.photos, told, rgb.renderer)
+    truth = _Truth.of(photo, settings.photos, told, renderer)
     executes = settings.grasps and truth.mesh is not None
-    flow = GraspTransfer(category, estimator=rgb) if executes else None  # its estimator is not asked
-    for name, (estimator, observation) in cases.items():
+    flow = GraspTransfer(category, estimator=kit["rgb"]) if executes else None  # its estimator is not asked
+    for name, observation in _seen_by(kit, told, told_box=settings.told_box).items():
         try:
-            estimate = estimator(observation)
+            estimate = kit[name](observation)
         except GraspTransferError as error:
-            if name not in DEPTH_METHODS:
+            if not ESTIMATORS[name].needs_depth:
                 raise
             row[f"{name}_failed"] = str(error)
             continue
-        row[name] = _scores(estimate, category, photo, truth, renderer=rgb.renderer)
+        row[name] = _scores(estimate, category, photo, truth, renderer=renderer)
         if flow is not None and truth.mesh is not None:
             result = flow.grasp(observation, estimate)
             row[name] |= _executed(execute(result, told.camera_from_object, truth.mesh))
@@ -194,6 +182,18 @@ def _measure(photo: Photo, category: Category, rgb: RgbEstimator, *, settings: P
             row["status"] = estimate.status.value
             row["mask_iou"] = _overlap(estimate.mask, truth.visible)
     return row
+
+
+def _seen_by(names: Iterable[str], told: Observation, *, told_box: bool) -> dict[str, Observation]:
+    """What each estimator sees of the photograph; those are left out that need what it does not have."""
+    picture = replace(told, mask=None, depth=None, box=told.box if told_box else None)
+    seen = {}
+    for name in names:
+        spec = ESTIMATORS[name]
+        if (spec.needs_box and told.box is None) or (spec.needs_depth and told.depth is None):
+            continue
+        seen[name] = told if spec.needs_box or spec.needs_depth else picture
+    return seen
 
 
 def _executed(outcome: Outcome) -> dict:

@@ -8,7 +8,7 @@ import numpy as np
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.perception.estimate import EstimateStatus
-from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.estimators import EstimatorSettings, make_estimator
 from grasptransfer.registration import DeformationField
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.seen_instances import (
@@ -47,7 +47,8 @@ def run_refusal_benchmark(
     with Renderer() as renderer:
         for done, name in enumerate(settings.categories, 1):
             category = load_category(name)
-            estimator = RgbEstimator(category, renderer=renderer, refine_pose=False)
+            made_with = EstimatorSettings(refine_pose=False, renderer=renderer, masks_for_depth_alone=True)
+            estimator = make_estimator("rgb", category, made_with)
             for shown, instance in _objects(settings, category):
                 rows += [
                     _look(estimator, instance, viewpoint, settings.seed, renderer)
@@ -92,7 +93,7 @@ def _objects(settings: RefusalSettings, category: Category) -> Iterator[tuple[st
 
 def _look(estimator, instance, viewpoint: int, seed: int, renderer: Renderer) -> dict:
     observation, _ = observe_instance(instance, viewpoint, renderer=renderer, seed=seed)
-    estimate = estimator(replace(observation, depth=None, mask=None))
+    estimate = estimator(observation)
     accepted = estimate.status is not EstimateStatus.OUT_OF_CATEGORY
     return {
         "instance": instance.name,

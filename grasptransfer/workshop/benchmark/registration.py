@@ -10,8 +10,9 @@ import numpy as np
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import rotation_angle
+from grasptransfer.perception.estimators import check_estimators
 from grasptransfer.workshop.benchmark.document import document
-from grasptransfer.workshop.benchmark.estimators import NAMES, OFFERED, EstimatorSet
+from grasptransfer.workshop.benchmark.estimators import DEFAULT, OF_SHAPES, EstimatorSet
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.judge import Judge
 from grasptransfer.workshop.benchmark.registration_summary import MethodScores, summarise
@@ -36,7 +37,7 @@ class RegistrationSettings:
         translation_noise: half-width of the told pose's error on each axis [m]; 0 tells the true pose.
         rotation_noise: largest turn of the told pose [rad].
         refine_pose: whether `rgb`, `rgbd` and `cls` refine the pose.
-        methods: which of `estimators.OFFERED`.
+        methods: which of `estimators.OF_SHAPES`.
         weights: file for `rgb`; None takes the shipped ones.
     """
 
@@ -47,7 +48,7 @@ class RegistrationSettings:
     translation_noise: float = 0.0
     rotation_noise: float = 0.0
     refine_pose: bool = False
-    methods: tuple[str, ...] = NAMES
+    methods: tuple[str, ...] = DEFAULT
     weights: Path | None = None
 
     @property
@@ -170,6 +171,6 @@ def _check(settings: RegistrationSettings):
         raise SettingsError("is not a folder", path=settings.meshes)
     if not settings.categories:
         raise SettingsError("names no category", key="categories", value=settings.categories)
-    unknown = sorted(set(settings.methods) - set(OFFERED))
-    if unknown or not settings.methods:
-        raise SettingsError("unknown estimator", key="estimators", value=unknown, choices=OFFERED)
+    if not settings.methods:
+        raise SettingsError("names none", key="estimators", value=settings.methods, choices=OF_SHAPES)
+    check_estimators(settings.methods, key="estimators", known=OF_SHAPES)

@@ -15,7 +15,7 @@ from torch.nn.parallel import DistributedDataParallel
 from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import replacing, writing
-from grasptransfer.perception.estimators import choose_device
+from grasptransfer.perception.device import choose_device
 from grasptransfer.perception.networks import build_network, channels_last
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.precision import arithmetic
