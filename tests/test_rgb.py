@@ -22,8 +22,8 @@ def renderer():
 
 
 @pytest.fixture(scope="module")
-def estimator(renderer):
-    return RgbEstimator(gt.load_category("mug"), renderer=renderer, refine_pose=False, device="cpu")
+def estimator():
+    return RgbEstimator(gt.load_category("mug"), refine_pose=False, device="cpu")
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def seen(renderer):
 
 @pytest.mark.parametrize("category", gt.list_categories())
 def test_reconstruction_and_mask_meet_unseen_instances(category, renderer):
-    estimator = RgbEstimator(gt.load_category(category), renderer=renderer, refine_pose=False, device="cpu")
+    estimator = RgbEstimator(gt.load_category(category), refine_pose=False, device="cpu")
     canonical = outer_surface(estimator.category.canonical, 2000)
     rgb, rigid, ious = [], [], []
     for instance in list(instances([category], None))[:4]:
@@ -63,7 +63,7 @@ def test_no_box_is_needed(estimator, seen):
 def test_a_told_mask_is_what_the_outline_meets(renderer):
     instance = next(iter(instances(["mug"], None)))
     told, _ = observe_instance(instance, 30, renderer=renderer)
-    estimator = RgbEstimator(gt.load_category("mug"), renderer=renderer, refine_pose=False, device="cpu")
+    estimator = RgbEstimator(gt.load_category("mug"), refine_pose=False, device="cpu")
     estimate = estimator(replace(told, depth=None))
     both, either = (estimate.mask & told.mask).sum(), (estimate.mask | told.mask).sum()
     assert both / either > 0.985
@@ -80,8 +80,8 @@ def test_the_posterior_is_a_covariance_narrower_than_the_prior(estimator, seen):
     assert values.max() <= 1 + 1e-9
 
 
-def test_a_pose_far_beside_the_told_box_is_found_again(seen, renderer):
-    estimator = RgbEstimator(gt.load_category("mug"), renderer=renderer, device="cpu")
+def test_a_pose_far_beside_the_told_box_is_found_again(seen):
+    estimator = RgbEstimator(gt.load_category("mug"), device="cpu")
     told = seen.camera_from_object.copy()
     told[0, 3] += 0.04
     estimate = estimator(replace(seen, camera_from_object=told))
@@ -104,7 +104,7 @@ def test_a_model_behind_the_camera_or_around_it_is_refused(estimator, seen, dist
         estimator(replace(seen, camera_from_object=pose))
 
 
-def test_weights_of_another_canonical_model_or_shape_space_are_refused(tmp_path, renderer):
+def test_weights_of_another_canonical_model_or_shape_space_are_refused(tmp_path):
     from grasptransfer.perception.networks import build_network
     from grasptransfer.perception.networks.ensemble import Ensemble
     from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
@@ -117,4 +117,4 @@ def test_weights_of_another_canonical_model_or_shape_space_are_refused(tmp_path,
         info = WeightsInfo("compact", {"mug": trained_on(mug) | {changed: "another"}})
         save_weights(path, Ensemble([build_network("compact")]), info)
         with pytest.raises(WeightsError, match=problem):
-            RgbEstimator(mug, renderer=renderer, weights=path, device="cpu")
+            RgbEstimator(mug, weights=path, device="cpu")

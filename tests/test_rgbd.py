@@ -186,7 +186,7 @@ def test_what_it_says_of_its_doubt_holds(mug, seen):
 
 def test_sensed_depth_of_random_bottles_of_glass_helps_against_a_wrong_pose(renderer):
     category = gt.load_category("bottle")
-    rgb = RgbEstimator(category, renderer=renderer, device="cpu")
+    rgb = RgbEstimator(category, device="cpu")
     canonical = outer_surface(category.canonical, 3000)
     none = DeformationField.identity(category.shape_space.control_points)
     errors = {"rgb": [], "rgbd": []}

@@ -28,7 +28,7 @@ def _draw_ball(vertices, pose):
     v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width]
     # A centred ball is seen as a disc of radius f r / sqrt(d^2 - r^2).
     seen = CAMERA.fx * radius / np.sqrt(pose[2, 3] ** 2 - radius**2)
-    return (np.hypot(u - CAMERA.cx, v - CAMERA.cy) < seen).astype(float)
+    return np.hypot(u - CAMERA.cx, v - CAMERA.cy) < seen
 
 
 def test_the_distance_is_positive_inside_and_zero_at_the_border():

@@ -11,7 +11,7 @@ import trimesh
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from grasptransfer.camera import Camera
-from grasptransfer.frames import invert
+from grasptransfer.drawing.visible import visible_faces
 from grasptransfer.perception.networks import CELL_PIXEL, STRIDE
 
 
@@ -51,11 +51,9 @@ def view_canonical(
     """
     rest = np.asarray(mesh.vertices)
     shown = rest if vertices is None else vertices
-    rays = _pixel_rays(camera, camera_from_object)
-    face, share = _first_hits(shown, mesh.faces, *rays)
-    face, share = face.reshape(camera.height, camera.width), share.reshape(camera.height, camera.width, 3)
+    seen = visible_faces(shown, np.asarray(mesh.faces), camera, camera_from_object)
+    face, share, hit = seen.face, seen.share, seen.mask
     coordinates = np.zeros((camera.height, camera.width, 3), np.uint8)
-    hit = face >= 0
     coordinates[hit] = _as_colours(_on_faces(rest, mesh.faces, face[hit], share[hit]), mesh.bounds)
     rows, columns = cell_centres(camera)
     cells = np.ix_(rows, columns)
@@ -75,27 +73,6 @@ def view_canonical(
 def cell_centres(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of the zoomed pixels that the network's cells stand for."""
     return np.arange(CELL_PIXEL, camera.height, STRIDE), np.arange(CELL_PIXEL, camera.width, STRIDE)
-
-
-def _pixel_rays(camera: Camera, camera_from_object) -> tuple[np.ndarray, np.ndarray]:
-    """Origin (3,) and directions (p, 3) of the rays through all pixels' centres, object frame."""
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    object_from_camera = invert(camera_from_object)
-    directions = camera.unproject(np.stack([u, v], -1).astype(float), np.ones(u.shape))
-    return object_from_camera[:3, 3], directions.reshape(-1, 3) @ object_from_camera[:3, :3].T
-
-
-def _first_hits(vertices, faces, origin, directions) -> tuple[Int[np.ndarray, "p"], Float[np.ndarray, "p 3"]]:
-    """Face that each ray meets first (-1: none) and where on it, in barycentric coordinates."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    scene = EmbreeScene()
-    TriangleMesh(scene, vertices[faces].astype(np.float32))
-    origins = np.tile(origin.astype(np.float32), (len(directions), 1))
-    hits = scene.run(origins, directions.astype(np.float32), output=True)
-    second, third = hits["u"].astype(float), hits["v"].astype(float)
-    return hits["primID"].astype(int), np.stack([1 - second - third, second, third], -1)
 
 
 def _on_faces(vertices, faces, chosen, shares) -> Float[np.ndarray, "p 3"]:

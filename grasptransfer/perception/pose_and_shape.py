@@ -215,8 +215,9 @@ def _offset_terms(motion: Motion, model: DisplacementModel, latent):
     weight = _laplace_weight(residual, motion.offset_scale, INDEPENDENT_OFFSETS)
     rows = basis * weight[:, None, None]
     hessian, gradient = np.zeros((6 + size, 6 + size)), np.zeros(6 + size)
-    hessian[6:, 6:] = np.einsum("cdk,cdl->kl", rows, basis)
-    gradient[6:] = np.einsum("cdk,cd->k", rows, residual)
+    rows, by_latent = rows.reshape(-1, size), basis.reshape(-1, size)
+    hessian[6:, 6:] = rows.T @ by_latent
+    gradient[6:] = rows.T @ residual.ravel()
     return hessian, gradient
 
 
@@ -236,12 +237,12 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
 
 def _outline_terms(outline: Outline, meetings: Meetings, latent, pose):
     """Hessian and gradient of the distances between outline and mask's border."""
-    camera = outline.silhouette.camera
-    turned = outline.shaped(latent)[meetings.vertices] @ pose[:3, :3].T
+    camera, model = outline.silhouette.camera, outline.model.take(meetings.vertices)
+    turned = model.displaced(outline.points[meetings.vertices], latent) @ pose[:3, :3].T
     seen = turned + pose[:3, 3]
     distance, slope, weight = meetings.residuals(camera.project(seen))
     directions = np.einsum("pd,pdi->pi", slope, _pixel_gradient(seen, camera))
-    jacobian = motion_along(directions, turned, outline.model.basis[meetings.vertices], pose[:3, :3])
+    jacobian = motion_along(directions, turned, model.basis, pose[:3, :3])
     rows = jacobian * weight[:, None]
     return rows.T @ jacobian, rows.T @ distance
 

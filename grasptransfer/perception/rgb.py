@@ -12,7 +12,7 @@ from PIL import Image
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
 from grasptransfer.drawing.boxes import projected_box
-from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.visible import visible_faces
 from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
@@ -75,7 +75,7 @@ class Look:
 
 
 class RgbEstimator:
-    """From one RGB picture and an approximate pose to the shape; keeps network and renderer warm.
+    """From one RGB picture and an approximate pose to the shape; warm, and usable from any thread.
 
     Args:
         weights: a `.safetensors` file; None takes the one shipped for the category.
@@ -88,7 +88,6 @@ class RgbEstimator:
         self,
         category: Category,
         *,
-        renderer: Renderer | None = None,
         weights: Path | None = None,
         refine_pose: bool = True,
         pose_prior: PosePrior | None = None,
@@ -106,7 +105,6 @@ class RgbEstimator:
         self.device = torch.device(choose_device(device))
         self.precision = choose_precision(precision, self.device.type)
         channels_last(self.network, self.device)
-        self.renderer = renderer or Renderer()
 
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate the shape, and the pose where `refine_pose` is set."""
@@ -214,10 +212,12 @@ class RgbEstimator:
     def _outline(self, look: Look) -> Outline:
         """What the reconstruction's outline has to meet in this look."""
 
-        def draw_depth(vertices, pose):
-            return self.renderer.depth(self._model.with_vertices(vertices), look.camera, pose)
+        faces = np.asarray(self.category.canonical.faces)
 
-        silhouette = Silhouette(look.object_probability, look.camera, draw_depth)
+        def draw(vertices, pose):
+            return visible_faces(vertices, faces, look.camera, pose).mask
+
+        silhouette = Silhouette(look.object_probability, look.camera, draw)
         return Outline(silhouette, self._vertices, self.category.vertices_by_latent)
 
     @property
@@ -226,10 +226,9 @@ class RgbEstimator:
 
     def _overlap(self, fit: PoseAndShape, look: Look) -> float:
         """How well the reconstruction's silhouette covers the predicted mask: intersection over union."""
-        mesh = self._model.mesh(fit.latent)
-        silhouette = (
-            self.renderer.depth(mesh, look.camera, fit.camera_from_object)[2::MASK_STRIDE, 2::MASK_STRIDE] > 0
-        )
+        faces, vertices = np.asarray(self.category.canonical.faces), self._model.vertices(fit.latent)
+        shown = visible_faces(vertices, faces, look.camera, fit.camera_from_object)
+        silhouette = shown.mask[2::MASK_STRIDE, 2::MASK_STRIDE]
         seen = look.object_probability > 0.5
         return float((silhouette & seen).sum() / max((silhouette | seen).sum(), 1))
 

@@ -29,11 +29,7 @@ class ShapedModel:
 
     def mesh(self, latent: Float[np.ndarray, "k"]) -> trimesh.Trimesh:
         """The shape with this latent, object frame [m]."""
-        return self.with_vertices(self.vertices(latent))
-
-    def with_vertices(self, vertices: Float[np.ndarray, "v 3"]) -> trimesh.Trimesh:
-        """The canonical mesh with its vertices elsewhere [m]."""
-        return trimesh.Trimesh(vertices, self.category.canonical.faces, process=False)
+        return trimesh.Trimesh(self.vertices(latent), self.category.canonical.faces, process=False)
 
 
 @dataclass(frozen=True)

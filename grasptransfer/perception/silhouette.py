@@ -9,9 +9,11 @@ outside it. A residual is a signed distance to the border, positive inside.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from numba import njit
 from PIL import Image
 from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.spatial import KDTree
@@ -22,12 +24,13 @@ BORDER_SCALE = 2.0  # px: Laplace scale of the predicted border's error
 INDEPENDENT_POINTS = 30.0  # all points of the outline count as this many independent ones, the border's too
 BORDER_POINTS = 200  # about so many of the mask's border are looked at
 OUTLINE = 1.5  # px: how near to the model's own border a point counts as on it
+AROUND = 4  # px within which borders are looked for: whose corners lie farther from one is not on it
 HIDDEN = 4.0  # px: from here on, a point outside the mask is rather hidden by something than misplaced
 FARTHEST = 30.0  # px: farther borders belong to something else, such as what hides the object
 
 # Distances [px], their derivatives by the pixel, and the weights of their squares.
 Residuals = tuple[Float[np.ndarray, "p"], Float[np.ndarray, "p 2"], Float[np.ndarray, "p"]]
-Drawn = Callable[[Float[np.ndarray, "v 3"], Float[np.ndarray, "4 4"]], Float[np.ndarray, "h w"]]
+Drawn = Callable[[Float[np.ndarray, "v 3"], Float[np.ndarray, "4 4"]], Bool[np.ndarray, "h w"]]
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,12 @@ class Silhouette:
     Args:
         probability: (hm, wm) that a cell of the zoomed picture shows the object.
         camera: of the zoomed picture.
-        draw_depth: (vertices [m], pose) -> depth picture of the model with these vertices.
+        draw: (vertices [m], pose) -> which pixels show the model with these vertices.
     """
 
     probability: Float[np.ndarray, "hm wm"]
     camera: Camera
-    draw_depth: Drawn
+    draw: Drawn
 
     @cached_property
     def distance(self) -> Float[np.ndarray, "h w"]:
@@ -65,11 +68,8 @@ class Silhouette:
 
     def meetings(self, vertices: Float[np.ndarray, "v 3"], pose: Float[np.ndarray, "4 4"]) -> "Meetings":
         """Which of the model's vertices (object frame [m]) are to meet the mask's border at this pose."""
-        own = _signed_distance(self.draw_depth(vertices, pose) > 0)
         pixels = self.camera.project(vertices @ pose[:3, :3].T + pose[:3, 3])
-        on_border = np.abs(_sample(own, pixels)) < OUTLINE
-        inside = (pixels > 0).all(1) & (pixels < [self.camera.width - 1, self.camera.height - 1]).all(1)
-        outline = np.nonzero(on_border & inside)[0]
+        outline = np.nonzero(_on_outline(self.draw(vertices, pose), pixels))[0]
         nearest, border = self._nearest_to_border(pixels[outline])
         return Meetings(self, np.concatenate([outline, outline[nearest]]), border)
 
@@ -150,6 +150,42 @@ def _signed_distance(mask: np.ndarray) -> Float[np.ndarray, "h w"]:
         return np.full(mask.shape, np.inf if mask.all() else -np.inf)
     inside, outside = np.asarray(distance_transform_edt(mask)), np.asarray(distance_transform_edt(~mask))
     return inside - outside - np.where(mask, 0.5, -0.5)
+
+
+@njit(nogil=True, cache=True)
+@no_type_check
+def _on_outline(mask, pixels):
+    """Which of the pixels within the picture lie nearer than `OUTLINE` to the mask's border.
+
+    As if sampled bilinearly from the signed distance, which is made only around each of them.
+    """
+    height, width = mask.shape
+    found = np.zeros(len(pixels), np.bool_)
+    for i in range(len(pixels)):
+        u, v = pixels[i]
+        if not (u > 0 and v > 0 and u < width - 1 and v < height - 1):
+            continue
+        column, row, distance = int(u), int(v), 0.0
+        for below in range(2):
+            for right in range(2):
+                across = u - column if right else column + 1 - u
+                down = v - row if below else row + 1 - v
+                distance += across * down * _distance_to_border(mask, row + below, column + right)
+        found[i] = abs(distance) < OUTLINE
+    return found
+
+
+@njit(nogil=True, cache=True)
+@no_type_check
+def _distance_to_border(mask, row, column):
+    """Signed distance of one pixel to the mask's border, positive inside; at most `AROUND`."""
+    height, width = mask.shape
+    own, least = mask[row, column], AROUND * AROUND
+    for v in range(max(0, row - AROUND + 1), min(height, row + AROUND)):
+        for u in range(max(0, column - AROUND + 1), min(width, column + AROUND)):
+            if mask[v, u] != own:
+                least = min(least, (v - row) ** 2 + (u - column) ** 2)
+    return np.sqrt(least) - 0.5 if own else 0.5 - np.sqrt(least)
 
 
 def _sample(picture: Float[np.ndarray, "h w"], pixels: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p"]:

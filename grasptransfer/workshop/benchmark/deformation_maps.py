@@ -65,7 +65,7 @@ def map_deformation(
     """
     sight = see_instance(instance, viewpoint, renderer=renderer, seed=seed)
     seen, category = sight.observation, instance.category
-    kit = EstimatorSet(renderer, refine_pose=False, weights=weights)
+    kit = EstimatorSet(refine_pose=False, weights=weights)
     estimate = kit.of(instance, (method,))[method](seen)
     box = projected_box(np.asarray(category.canonical.vertices), seen.camera, sight.pose)
     crop = zoom_box(box if seen.box is None else union(box, seen.box))

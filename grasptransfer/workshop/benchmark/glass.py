@@ -109,7 +109,7 @@ def measure_glass(settings: GlassSettings, category: str, name: str) -> dict:
     scores: dict[str, MethodScores] = defaultdict(MethodScores)
     shares: dict[str, list[float]] = defaultdict(list)
     with Renderer() as renderer:
-        kit = EstimatorSet(renderer, refine_pose=settings.pose_noise is not None, weights=settings.weights)
+        kit = EstimatorSet(refine_pose=settings.pose_noise is not None, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
         for view, viewpoint in enumerate(spread_views(settings.views)):
             sight = see_instance(

@@ -123,7 +123,7 @@ def measure_registration(settings: RegistrationSettings, category: str, name: st
     scores: dict[str, MethodScores] = defaultdict(MethodScores)
     before, after = [], []
     with Renderer() as renderer:
-        kit = EstimatorSet(renderer, settings.refine_pose, weights=settings.weights)
+        kit = EstimatorSet(settings.refine_pose, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
         for viewpoint in spread_views(settings.views):
             sight = see_instance(

@@ -102,7 +102,7 @@ def _look_at_objects(
 ) -> Iterator[Seen]:
     canonical, instances = training_canonical(category), instances_of(category, held_out=True)
     with Renderer() as renderer:
-        estimator = RgbEstimator(category, renderer=renderer, weights=weights, refine_pose=False)
+        estimator = RgbEstimator(category, weights=weights, refine_pose=False)
         estimator.confidence = replace(estimator.confidence, overconfidence=1.0)
         reach = _reach(category.canonical.bounds)
         for _ in range(pictures):
