@@ -17,7 +17,6 @@ from grasptransfer.perception.precision import check_precision
 
 if TYPE_CHECKING:
     from grasptransfer.category import Category
-    from grasptransfer.drawing.rendering import Renderer
     from grasptransfer.perception.estimate import Estimator
 
 
@@ -30,7 +29,6 @@ class EstimatorSettings:
         device: "auto", "cpu" or "cuda", of networks.
         precision: "auto", "float32" or "bfloat16", of networks.
         weights: a `.safetensors` file; None takes the one shipped for the category.
-        renderer: shared with others; None makes one.
         masks_for_depth_alone: hide masks from the network and show it the box alone, as a detector gives
             it. Benchmarks do, which give the exact mask to the estimators that cut it out of depth.
 
@@ -42,7 +40,6 @@ class EstimatorSettings:
     device: str = "auto"
     precision: str = "auto"
     weights: Path | None = None
-    renderer: Renderer | None = None
     masks_for_depth_alone: bool = False
 
     def __post_init__(self):
@@ -112,7 +109,6 @@ def _rgb(category: Category, settings: EstimatorSettings) -> Estimator:
 
     estimator = RgbEstimator(
         category,
-        renderer=settings.renderer,
         weights=settings.weights,
         refine_pose=settings.refine_pose,
         device=settings.device,

@@ -159,7 +159,7 @@ def _execute_on(settings: CalibrationSettings, category: str, name: str) -> dict
     with Renderer() as renderer:
         flows = []
         for noise in noises:
-            made_with = EstimatorSettings(noise != NO_NOISE, renderer=renderer, masks_for_depth_alone=True)
+            made_with = EstimatorSettings(noise != NO_NOISE, masks_for_depth_alone=True)
             estimator = make_estimator("rgb", instance.category, made_with)
             flows.append(GraspTransfer(instance.category, gripper=gripper, estimator=estimator))
         for view, viewpoint in enumerate(viewpoints_of(name, settings.views)):

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from grasptransfer.drawing.boxes import projected_box
-from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.perception.canonical_view import view_canonical
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate, with_certain_pose
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, EstimatorSpec, check_estimators
@@ -72,13 +71,11 @@ class EstimatorSet:
     """Makes estimators by name; all instances of a category share those that do not know the truth.
 
     Args:
-        renderer: shared by all of them.
         refine_pose: let those refine the pose that can.
         weights: file for `rgb`; None takes the shipped ones.
         registry: `OF_SHAPES` or `OF_GRASPS`.
     """
 
-    renderer: Renderer
     refine_pose: bool
     weights: Path | None = None
     registry: dict[str, EstimatorSpec] = field(default_factory=lambda: OF_SHAPES)
@@ -94,9 +91,7 @@ class EstimatorSet:
         return {name: self._of(name, instance) for name in names}
 
     def _of(self, name: str, instance: Instance) -> Estimator:
-        settings = EstimatorSettings(
-            self.refine_pose, weights=self.weights, renderer=self.renderer, masks_for_depth_alone=True
-        )
+        settings = EstimatorSettings(self.refine_pose, weights=self.weights, masks_for_depth_alone=True)
         spec = self.registry[name]
         if spec.bound:
             return spec.make(instance, settings)

@@ -111,7 +111,7 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
     noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
     outcomes: dict[str, list[Outcome]] = defaultdict(list)
     with Renderer() as renderer:
-        kit = EstimatorSet(renderer, refine_pose=noise != NO_NOISE, registry=OF_GRASPS)
+        kit = EstimatorSet(refine_pose=noise != NO_NOISE, registry=OF_GRASPS)
         estimators = kit.of(instance, settings.estimators)
         flows = {
             key: GraspTransfer(instance.category, gripper=gripper, estimator=estimator)

@@ -137,7 +137,7 @@ def measure_object(settings: PhotoSettings, category: str, name: str) -> dict:
     loaded = load_category(category)
     photos = [p for p in read_photos(settings.photos) if (p.category, _object_of(p)) == (category, name)]
     with Renderer() as renderer:
-        made_with = EstimatorSettings(settings.refine_pose, weights=settings.weights, renderer=renderer)
+        made_with = EstimatorSettings(settings.refine_pose, weights=settings.weights)
         names = [name for name, spec in ESTIMATORS.items() if settings.depth or not spec.needs_depth]
         kit = {name: make_estimator(name, loaded, made_with) for name in names}
         return {"rows": [_measure(p, loaded, kit, renderer=renderer, settings=settings) for p in photos]}

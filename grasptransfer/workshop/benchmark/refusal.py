@@ -47,7 +47,7 @@ def run_refusal_benchmark(
     with Renderer() as renderer:
         for done, name in enumerate(settings.categories, 1):
             category = load_category(name)
-            made_with = EstimatorSettings(refine_pose=False, renderer=renderer, masks_for_depth_alone=True)
+            made_with = EstimatorSettings(refine_pose=False, masks_for_depth_alone=True)
             estimator = make_estimator("rgb", category, made_with)
             for shown, instance in _objects(settings, category):
                 rows += [
