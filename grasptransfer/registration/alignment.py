@@ -70,7 +70,7 @@ def _register(
     middle = target - target.mean(0)
     variance = float(np.square(source).sum(1).mean() + np.square(middle).sum(1).mean()) / 3
     for _ in range(ITERATIONS):
-        outlier = log_outlier_term(outlier_weight, variance, source=len(source), target=len(target))
+        outlier = log_outlier_term(outlier_weight, variance, source=len(source), volume=len(target))
         moved = source @ linear.T + shift
         found = expect(moved, variance, log_outlier=outlier)
         linear, shift = _fit(source, found.support, found.moment, kind)

@@ -10,10 +10,16 @@ who belongs to whom (P) and the smoothest field that brings them together.
 | T = Y + G W = Y + L c | `moved`, `coefficients` (c = L^T W) |
 | P 1, P X, P^T 1 | `Expectation.support`, `.moment`, `.inlier` |
 | sigma^2, lambda, w | `variance`, `lam`, `outlier_weight` |
+| V | `outlier_volume`, where outliers are spread evenly |
 
 Source: Myronenko and Song, Point Set Registration: Coherent Point Drift, 2010, figure 4. Given
 correspondences: Golyanik, Taetz, Reis, Stricker, Extended CPD, 2016, eq. 8. The low-rank M-step is
 exact for G = L L^T: (L^T diag(P 1) L + lambda sigma^2 I) c = L^T (P X - P 1 Y).
+
+The paper's outliers have the density 1 / M, M the number of target points, which belongs to no volume. A
+given w keeps it. With it an estimated w falls to 0 in close clutter; that one takes 1 / V, V the ball around
+the target. EM then starts twice, from a small w that follows at once and from a large one that is held until
+sigma^2 has settled, and the run with the lower objective is kept.
 """
 
 from collections.abc import Callable, Iterable
@@ -39,6 +45,8 @@ from grasptransfer.registration.expectation import EStep, Expectation, log_outli
 from grasptransfer.registration.field import DeformationField
 from grasptransfer.registration.kernels import weighted_ridge
 
+SETTLED = 100  # tolerances by which sigma^2 may still change when a held w is let go
+STEADY_WEIGHT = 1e-4  # change of an estimated w with which EM may end
 VARIANCE_FLOOR = 1e-8  # normalised: sigma of 1e-4 of the RMS radius, where float32 distances end
 
 
@@ -70,9 +78,10 @@ def cpd(
         beta: width of the kernel in units of the source's RMS radius; 2 by default. Larger moves
             neighbours more together.
         lam: weight of smoothness against fit.
-        outlier_weight: share of target points without counterpart, 0 <= w < 1, or "estimate".
+        outlier_weight: share of target points without counterpart, 0 <= w < 1, or "estimate": as the data
+            say, from two starts.
         tolerance: stop once sigma^2 changes by less, normalised; 0 runs all iterations.
-        max_iterations: of EM.
+        max_iterations: of EM, from each start.
         align_first: "none", "rigid", "similarity" or "affine": remove such a motion of the whole
             cloud first (`CpdResult.target_from_source`); the field is what remains.
         correspondences: (c, 2) known pairs: index of a source point, index of a target point.
@@ -101,7 +110,7 @@ def cpd(
             source.points,
             target,
             align_first,
-            outlier_weight=options.first_outlier_weight,
+            outlier_weight=options.starts[0][0],
             backend=backend,
             threads=threads,
         )
@@ -109,8 +118,7 @@ def cpd(
         known = check_correspondences(correspondences, correspondence_std, source, seen)
         traits = check_traits(source_traits, target_traits, trait_std, source, seen)
         with EStep(seen, source.count, traits=traits, backend=backend, threads=threads) as expect:
-            run = _Run(source, seen, known, options, expect)
-            status = run.iterate(callback)
+            run, status = _lowest(source, seen, known, options, expect, callback=callback)
             result = run.result(status, target_from_source)
     if strict and status is CpdStatus.ITERATION_LIMIT:
         raise NotSucceeded(status.advice, key="max_iterations", value=max_iterations)
@@ -135,6 +143,26 @@ def cpd_all(
         return list(pool.map(lambda target: cpd(source, target, threads=1, **options), targets))
 
 
+def _lowest(
+    source: PreparedSource,
+    target: Float[np.ndarray, "m 3"],
+    known: Correspondences,
+    options: Options,
+    expect: EStep,
+    *,
+    callback: Callable[[CpdProgress], bool | None] | None,
+) -> "tuple[_Run, CpdStatus]":
+    """Of the runs from each start the one with the lowest objective, and its status."""
+    ended: list[tuple[_Run, CpdStatus]] = []
+    for weight, held in options.starts:
+        run = _Run(source, target, known, options, expect)
+        run.outlier_weight, run.holds_weight = weight, held
+        ended.append((run, run.iterate(callback)))
+        if ended[-1][1] is CpdStatus.STOPPED:
+            break
+    return min(ended, key=lambda one: one[0].objective_history[-1])
+
+
 class _Run:
     """State of one EM, in normalised units and in the order of `PreparedSource`."""
 
@@ -151,14 +179,20 @@ class _Run:
         self.coefficients = np.zeros((source.factor.shape[1], 3))
         self.moved = source.normalised
         self.variance = _mean_squared_distance(self.moved, target) / 3
-        self.outlier_weight = options.first_outlier_weight
+        self.outlier_weight, self.holds_weight = options.starts[0]
+        self.outlier_volume = float(len(target))
+        if options.estimates_outliers:
+            radius = np.linalg.norm(target - target.mean(0), axis=1).max()
+            self.outlier_volume = min(self.outlier_volume, float(4 / 3 * np.pi * radius**3))
         self.objective_history: list[float] = []
 
     def iterate(self, callback) -> CpdStatus:
         scratch = np.empty_like(self.source.factor)
-        for _ in range(self.options.max_iterations):
+        tolerance, limit = self.options.tolerance, self.options.max_iterations
+        for iteration in range(limit):
+            weight = self.outlier_weight
             outlier = log_outlier_term(
-                self.outlier_weight, self.variance, source=self.source.count, target=len(self.target)
+                weight, self.variance, source=self.source.count, volume=self.outlier_volume
             )
             expectation = self.expect(self.moved, self.variance, log_outlier=outlier)
             self.objective_history.append(self._objective(expectation))
@@ -166,9 +200,11 @@ class _Run:
             self.expectation = expectation
             if callback and callback(self._progress()):
                 return CpdStatus.STOPPED
-            if self.options.tolerance and self.variance <= VARIANCE_FLOOR:
+            if tolerance and self.variance <= VARIANCE_FLOOR:
                 return CpdStatus.VARIANCE_FLOOR
-            if abs(change) < self.options.tolerance:
+            if self.holds_weight:
+                self.holds_weight = abs(change) >= SETTLED * tolerance and iteration < limit // 2
+            elif abs(change) < tolerance and abs(self.outlier_weight - weight) < STEADY_WEIGHT:
                 return CpdStatus.CONVERGED
         return CpdStatus.ITERATION_LIMIT
 
@@ -187,7 +223,7 @@ class _Run:
         squared = expectation.squared - 2 * np.einsum("ni,ni->", step, halfway)
         matched = max(float(support.sum()), 1e-12)
         previous, self.variance = self.variance, max(float(squared) / (3 * matched), VARIANCE_FLOOR)
-        if self.options.estimates_outliers:
+        if self.options.estimates_outliers and not self.holds_weight:
             self.outlier_weight = float(np.clip(1 - matched / len(self.target), 1e-6, 0.95))
         return previous - self.variance
 

@@ -56,9 +56,11 @@ class Options:
         return self.outlier_weight == "estimate"
 
     @property
-    def first_outlier_weight(self) -> float:
-        """w to start with."""
-        return 0.1 if isinstance(self.outlier_weight, str) else float(self.outlier_weight)
+    def starts(self) -> tuple[tuple[float, bool], ...]:
+        """Each w to start with, and whether it is held until sigma^2 has settled."""
+        if isinstance(self.outlier_weight, str):
+            return ((0.1, False), (0.5, True))
+        return ((float(self.outlier_weight), False),)
 
 
 @dataclass(frozen=True, eq=False)

@@ -167,17 +167,19 @@ class EStep:
         return tuple(np.ascontiguousarray(side.T * scale, dtype=np.float32) for side in pair)
 
 
-def log_outlier_term(weight: float, variance: float, *, source: int, target: int) -> float:
+def log_outlier_term(weight: float, variance: float, *, source: int, volume: float) -> float:
     """Log of the uniform part beside the sum of exponentials (2010, eq. 6).
 
     Args:
         weight: share of target points without counterpart, 0 <= w < 1.
         variance: sigma^2, normalised.
-        source, target: how many points each cloud has.
+        source: how many points the source has.
+        volume: over which points without counterpart are spread, normalised; the paper takes the number of
+            target points.
     """
     if not weight:
         return NO_OUTLIERS
-    odds = weight / (1 - weight) * source / target
+    odds = weight / (1 - weight) * source / volume
     return 1.5 * np.log(2 * np.pi * variance) + np.log(odds)
 
 

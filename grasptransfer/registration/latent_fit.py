@@ -171,7 +171,7 @@ def _match_softly(
             for _ in range(STAGE_ITERATIONS):
                 moved = posed.points(state)[chosen]
                 sigma = variance / space.scale**2
-                outlier = log_outlier_term(OUTLIER_WEIGHT, sigma, source=len(moved), target=len(target))
+                outlier = log_outlier_term(OUTLIER_WEIGHT, sigma, source=len(moved), volume=len(target))
                 found = expect(normaliser(moved), sigma, log_outlier=outlier)
                 means = normaliser.undo(found.moment / np.maximum(found.support, 1e-9)[:, None])
                 weights = found.support / variance

@@ -13,13 +13,13 @@ import trimesh
 from jaxtyping import Bool, Float
 from PIL import Image
 
-from grasptransfer.camera import Camera
 from grasptransfer.errors import ImageError, SettingsError
 from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene
 from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.observation import read_image
+from grasptransfer.perception.picture_camera import camera_of
 from grasptransfer.poses import load_pose
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, check_folder, save_result
@@ -92,7 +92,7 @@ def run_transfer(
         raise SettingsError("tells again what the mask tells", key="box", value=box, fix="Give one of them")
     pixels, told = read_image(image), load_pose(pose, image=image)
     seen = {
-        "camera": camera if camera is None else Camera.load(camera, size=pixels.shape[1::-1], image=image),
+        "camera": camera_of(image, camera, *pixels.shape[1::-1]),
         "mask": box if mask is None else load_mask(mask),
         "depth": None if depth is None else load_depth(depth),
         "scene": None if scene is None else load_scene(scene),
