@@ -14,6 +14,7 @@ ROOMS = [
     {"files"},
     {"frames"},
     {"yaml_models", "picture_entries", "exif"},
+    {"fitted"},
     {"camera_files"},
     {"camera"},
     {"pose_formats"},

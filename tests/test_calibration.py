@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grasptransfer.grasping.ranking import FEATURES, Ranking, expected_success
+from grasptransfer.grasping.success_model import FEATURES, Ranking, expected_success
 from grasptransfer.workshop.benchmark.calibration import Executed, calibration_error, fit_weights, reliability
 
 MOMENT = FEATURES.index("moment")
@@ -32,19 +32,19 @@ def test_the_fitted_score_is_the_chance_that_what_was_executed_shows(middle):
 
 def test_a_draw_without_contact_counts_as_lost():
     features = np.tile([3.0, 1.0, 1.0, 0.0], (4, 1))
-    whole = expected_success(features, Ranking().weights)
+    whole = expected_success(features, Ranking.fitted().weights)
     features[0] = np.nan
-    assert expected_success(features, Ranking().weights) == pytest.approx(whole * 3 / 4)
+    assert expected_success(features, Ranking.fitted().weights) == pytest.approx(whole * 3 / 4)
 
 
 def test_no_grip_makes_up_for_a_gripper_deep_in_the_object():
     firm = np.tile([3.0, 1.0, 1.0, 0.0], (4, 1))
     deep = np.tile([-6.0, 1.0, 1.0, 0.0], (4, 1))
-    assert expected_success(firm, Ranking().weights) > 0.9
-    assert expected_success(deep, Ranking().weights) < 0.02
+    assert expected_success(firm, Ranking.fitted().weights) > 0.9
+    assert expected_success(deep, Ranking.fitted().weights) < 0.02
     half = np.concatenate([firm, deep])
-    whole = expected_success(firm, Ranking().weights)
-    assert expected_success(half, Ranking().weights) == pytest.approx(whole / 2, abs=0.02)
+    whole = expected_success(firm, Ranking.fitted().weights)
+    assert expected_success(half, Ranking.fitted().weights) == pytest.approx(whole / 2, abs=0.02)
 
 
 def test_scores_that_are_shares_have_no_calibration_error():

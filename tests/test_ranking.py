@@ -9,7 +9,8 @@ from grasptransfer.frames import rigid
 from grasptransfer.grasping import PlausibleObjects, check_grasps, load_gripper, on_canonical, rank_grasps
 from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.plausible import Doubt, enclosed
-from grasptransfer.grasping.ranking import FEATURES, grasp_features
+from grasptransfer.grasping.ranking import grasp_features
+from grasptransfer.grasping.success_model import FEATURES
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.transfer import reconstruct
 

@@ -5,11 +5,13 @@ import json
 
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from grasptransfer.category import list_categories, load_category
 from grasptransfer.errors import WeightsError
 from grasptransfer.perception import weights as weights_module
+from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.networks import build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.weights import (
@@ -22,6 +24,7 @@ from grasptransfer.perception.weights import (
 )
 
 MUG, BOTTLE = load_category("mug"), load_category("bottle")
+BOTH = {"bottle": trained_on(BOTTLE), "mug": trained_on(MUG)}
 STALE = trained_on(MUG) | {"canonical.glb": "older"}
 
 
@@ -70,19 +73,30 @@ def test_a_folder_without_weights_is_to_be_trained_by_its_folder(models, tmp_pat
 
 def test_weights_that_do_not_say_how_sure_they_may_be_are_refused(tmp_path, ensemble):
     path = tmp_path / "w.safetensors"
-    both = {"bottle": trained_on(BOTTLE), "mug": trained_on(MUG)}
-    save_weights(path, ensemble, WeightsInfo("compact", both))
-    _, info = load_weights(path)
-    header = {
-        "format_version": str(weights_module.FORMAT_VERSION),
-        "network": info.network,
-        "members": "1",
-        "categories": json.dumps(info.categories),
-        "sha256": weights_module._digest(load_file(path)),
-    }
-    save_file(load_file(path), path, metadata=header)
-    with pytest.raises(WeightsError, match="confidence"):
+    save_weights(path, ensemble, WeightsInfo("compact", BOTH))
+    path.with_suffix(".yaml").unlink()
+    with pytest.raises(WeightsError, match=r"w\.yaml: does not exist"):
         load_weights(path)
+
+
+def test_numbers_fitted_to_other_weights_are_refused(tmp_path, ensemble):
+    save_weights(tmp_path / "a.safetensors", ensemble, WeightsInfo("compact", BOTH))
+    other = Ensemble([build_network("compact", 2)])
+    save_weights(tmp_path / "b.safetensors", other, WeightsInfo("compact", BOTH))
+    (tmp_path / "b.yaml").replace(tmp_path / "a.yaml")
+    with pytest.raises(WeightsError, match=r"a\.yaml.*fitted to other weights"):
+        load_weights(tmp_path / "a.safetensors")
+
+
+def test_weights_that_hold_their_confidence_themselves_as_older_ones_do_are_read(tmp_path, ensemble):
+    path = tmp_path / "w.safetensors"
+    save_weights(path, ensemble, WeightsInfo("compact", BOTH))
+    path.with_suffix(".yaml").unlink()
+    with safe_open(path, "pt") as file:
+        header = file.metadata()
+    numbers = {"bias": -3.0, "match": 1.0, "overlap": 0.5, "far": -2.0, "overconfidence": 4.5}
+    save_file(load_file(path), path, metadata=header | {"confidence": json.dumps(numbers)})
+    assert load_weights(path)[1].confidence == Confidence(**numbers)
 
 
 def test_every_shipped_category_is_served_by_weights_trained_on_it():

@@ -16,7 +16,8 @@ from grasptransfer.grasping.closing import Closing, close_pads
 from grasptransfer.grasping.collision import GraspCheck, check_grasps
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.plausible import PlausibleObjects
-from grasptransfer.grasping.ranking import Ranking, expected_success, features_around, rank_grasps
+from grasptransfer.grasping.ranking import features_around, rank_grasps
+from grasptransfer.grasping.success_model import Ranking, expected_success
 from grasptransfer.grasping.warping import WarpedGrasp
 from grasptransfer.grasping.world import CollisionWorld
 
@@ -130,7 +131,7 @@ class _Search:
         self, grasp: WarpedGrasp, opening: float, shifts: Float[np.ndarray, "p 3"]
     ) -> Float[np.ndarray, "p"]:
         features = features_around(grasp, opening, self.gripper, self.plausible, shifts)
-        return np.asarray(expected_success(features, Ranking().weights))
+        return np.asarray(expected_success(features, Ranking.fitted().weights))
 
     def _moved(self, grasp: WarpedGrasp, shift: Float[np.ndarray, "3"], row: int) -> WarpedGrasp:
         pose = grasp.object_from_gripper.copy()

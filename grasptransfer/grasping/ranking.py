@@ -17,6 +17,7 @@ from grasptransfer.frames import invert, transform_points
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck
 from grasptransfer.grasping.gripper import Gripper, PadFaces
 from grasptransfer.grasping.plausible import PlausibleObjects
+from grasptransfer.grasping.success_model import FEATURES, Features, Ranking, expected_success
 from grasptransfer.grasping.warping import WarpedGrasp
 
 FAR = 0.003  # m: more clearance than this is no better
@@ -27,41 +28,8 @@ UP = np.array([0.0, 0.0, 1.0])  # object frame: categories stand upright
 # grasps that were reached; tests/test_ranking.py has the order.
 ABOVE, BELOW, ASIDE = 0.7, 0.4, 0.4
 PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
-FEATURES = ("clearance", "flatness", "coverage", "moment")
-WEIGHTS = ("entry", "clearance", "bias", "flatness", "coverage", "moment")
 
 _UNMOVED = np.zeros((1, 3))
-
-Features = Float[np.ndarray, "s 4"]
-Weights = Float[np.ndarray, "6"]
-
-
-@dataclass(frozen=True)
-class Ranking:
-    """The logistic models of a grasp on one drawn object, and what counts as unlikely.
-
-    Args:
-        entry, clearance: of getting there, fitted to simulated grasps by `grasptransfer bench calibration`.
-        bias, flatness, coverage, moment: of holding, fitted likewise.
-        least_chance: a grasp that the gripper reaches is unusable below this score.
-
-    The features: clearance in mm (between -12 and 3), flatness as a cosine, coverage as a share of a pad's
-    points, moment in kg cm: mass times how far its centre lies from where the pads would hold it best. What
-    lies beside the closing line has most of it, what hangs straight below the pads little.
-    """
-
-    entry: float = 0.32
-    clearance: float = 0.91
-    bias: float = 0.56
-    flatness: float = 4.77
-    coverage: float = 0.28
-    moment: float = -2.10
-    least_chance: float = 0.3
-
-    @property
-    def weights(self) -> Weights:
-        """`WEIGHTS`, in their order."""
-        return np.array([getattr(self, name) for name in WEIGHTS])
 
 
 def rank_grasps(
@@ -79,7 +47,7 @@ def rank_grasps(
         checks: their checks.
         plausible: objects that the picture leaves possible; the same ones for all grasps.
     """
-    weights = (settings or Ranking()).weights
+    weights = (settings or Ranking.fitted()).weights
     features = grasp_features(grasps, checks, gripper, plausible=plausible)
     return tuple(
         float(expected_success(each, weights)) if check.usable else 0.0
@@ -104,20 +72,6 @@ def grasp_features(
         else np.zeros((0, len(FEATURES)))
         for grasp, check in zip(grasps, checks, strict=True)
     ]
-
-
-def expected_success(
-    features: Float[np.ndarray, "*g s 4"], weights: Weights
-) -> Float[np.ndarray, "*g"] | np.floating:
-    """Mean chance of getting there and holding, over the draws; where a pad meets nothing there is none."""
-    entry, clearance, bias, *others = weights
-    enters = _logistic(entry + clearance * features[..., 0])
-    holds = _logistic(bias + features[..., 1:] @ np.array(others))
-    return np.nan_to_num(enters * holds, nan=0.0).mean(axis=-1)
-
-
-def _logistic(odds: np.ndarray) -> np.ndarray:
-    return 1 / (1 + np.exp(-odds))
 
 
 def doubt_unlikely(

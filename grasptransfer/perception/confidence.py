@@ -1,4 +1,4 @@
-"""How sure an estimate may be: numbers fitted to each trained network (`learning/confidence_fit.py`)."""
+"""How sure an estimate may be: numbers that belong to a trained network and lie in a YAML file beside it."""
 
 from dataclasses import asdict, dataclass
 
@@ -15,6 +15,12 @@ class Confidence:
     Args:
         bias, match, overlap, far: of the logistic model for "is of the category", on `evidence`.
         overconfidence: how much larger the latent's covariance has to be than the fit says.
+        latent_overconfidence: how much larger the deviation of the network's latent alone has to be than it
+            states. Latent, flow and offsets are read from one picture and err together: alone, the latent is
+            less sure than it says.
+        accepted_score: least chance of being of the category with which an object is accepted.
+
+    The first five are fitted by `grasptransfer train`; the other two are chosen.
     """
 
     bias: float = -4.2
@@ -22,6 +28,8 @@ class Confidence:
     overlap: float = 6.0
     far: float = -4.0
     overconfidence: float = 4.0
+    latent_overconfidence: float = 1.6
+    accepted_score: float = 0.2
 
     def of_the_category(self, evidence: Evidence) -> float:
         """Chance that the object is of the category, in [0, 1]."""
@@ -48,7 +56,7 @@ class Confidence:
         return joint
 
     def as_data(self) -> dict[str, float]:
-        """For a weight file's header."""
+        """Every number by its name, as files hold it."""
         return {name: round(float(value), 4) for name, value in asdict(self).items()}
 
 

@@ -45,12 +45,9 @@ from grasptransfer.registration import PosePrior
 from grasptransfer.registration.blas_threads import single_blas_thread
 
 LOOKS = 2
-# Latent, flow and offsets are read from one picture and err together: alone, each is less sure than it says.
-LATENT_OVERCONFIDENCE = 1.6
 ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 NEAREST = 0.03  # m before the camera: a model that comes nearer, or lies behind it, fills no picture
-ACCEPTED_SCORE = 0.2  # who names a category mostly names the right one
 
 
 @dataclass(frozen=True)
@@ -151,7 +148,7 @@ class RgbEstimator:
             covariance=self.confidence.widened_with_pose(fit.covariance),
             mask=_whole_mask(look, observation.camera),
             category_score=score,
-            status=status if score >= ACCEPTED_SCORE else EstimateStatus.OUT_OF_CATEGORY,
+            status=status if score >= self.confidence.accepted_score else EstimateStatus.OUT_OF_CATEGORY,
             timings=clock.seconds,
         )
         return estimate, found
@@ -207,7 +204,8 @@ class RgbEstimator:
             probability = zoom_mask(observation.mask, crop)
         else:
             probability = torch.sigmoid(prediction.mask_logit[0, 0].float()).cpu().numpy()
-        return Look(camera, view, motion, _latent_prior(prediction, latent), probability, _match(prediction))
+        prior = _latent_prior(prediction, latent, self.confidence.latent_overconfidence)
+        return Look(camera, view, motion, prior, probability, _match(prediction))
 
     def _outline(self, look: Look) -> Outline:
         """What the reconstruction's outline has to meet in this look."""
@@ -233,15 +231,21 @@ class RgbEstimator:
         return float((silhouette & seen).sum() / max((silhouette | seen).sum(), 1))
 
 
-def _latent_prior(prediction: Prediction, assumed: Float[np.ndarray, "k"]) -> LatentPrior:
-    """What the latent head says; modes beyond its size, and networks without it, keep the prior."""
+def _latent_prior(
+    prediction: Prediction, assumed: Float[np.ndarray, "k"], overconfidence: float
+) -> LatentPrior:
+    """What the latent head says; modes beyond its size, and networks without it, keep the prior.
+
+    Args:
+        overconfidence: how much larger the stated deviations have to be.
+    """
     mean, deviation = np.zeros(len(assumed)), np.ones(len(assumed))
     if prediction.latent is None or prediction.latent_log_scale is None:
         return LatentPrior(mean, deviation)
     size = min(len(assumed), LATENT_SIZE)
     mean[:size] = assumed[:size] + prediction.latent[0, :size].float().cpu().numpy()
     log_scale = prediction.latent_log_scale[0, :size].float().cpu().numpy()
-    deviation[:size] = np.minimum(LATENT_OVERCONFIDENCE * np.exp(np.clip(log_scale, -4, 0)), 1)
+    deviation[:size] = np.minimum(overconfidence * np.exp(np.clip(log_scale, -4, 0)), 1)
     return LatentPrior(mean, deviation)
 
 

@@ -13,12 +13,16 @@ from grasptransfer.category import Category, list_categories, objects_folder
 from grasptransfer.category.category import CANONICAL, SHAPE_SPACE
 from grasptransfer.errors import WeightsError
 from grasptransfer.files import replacing
+from grasptransfer.fitted import Fit, read_fits, write_fits
 from grasptransfer.perception.confidence import Confidence
 
 if TYPE_CHECKING:
     from grasptransfer.perception.networks.ensemble import Ensemble
 
 FORMAT_VERSION = 5
+FITTED = ("bias", "match", "overlap", "far", "overconfidence")  # of `Confidence`, by `grasptransfer train`
+CHOSEN = ("latent_overconfidence", "accepted_score")
+BLOCKS = {"confidence": FITTED, "chosen": CHOSEN}
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class WeightsInfo:
 
 
 def save_weights(path: Path, ensemble: "Ensemble", info: WeightsInfo):
-    """Write half-precision weights, with the checksum of the tensors in the header."""
+    """Write half-precision weights with their checksum in the header, and the confidence beside the file."""
     import torch
     from safetensors.torch import save_file
 
@@ -49,11 +53,51 @@ def save_weights(path: Path, ensemble: "Ensemble", info: WeightsInfo):
         "network": info.network,
         "members": str(len(ensemble.members)),
         "categories": json.dumps(info.categories),
-        "confidence": json.dumps(info.confidence.as_data()),
         "sha256": _digest(tensors),
     }
     with replacing(path) as unfinished:
         save_file(tensors, unfinished, metadata=header)
+    _write_confidence(path, header["sha256"], info.confidence, "not fitted: starting values")
+
+
+def write_confidence(path: Path, confidence: Confidence) -> None:
+    """Write what this process has fitted to a weight file: `path` with the ending `.yaml`.
+
+    Raises:
+        WeightsError: there are no such weights.
+        SettingsError: it cannot be written.
+    """
+    with _opened(path) as file:
+        sha256 = file.metadata()["sha256"]
+    _write_confidence(path, sha256, confidence)
+
+
+def _write_confidence(path: Path, sha256: str, confidence: Confidence, command: str | None = None) -> None:
+    place, data = path.with_suffix(".yaml"), confidence.as_data()
+    if place.is_file():
+        chosen = read_fits(place, BLOCKS, error=WeightsError)["chosen"]
+    else:
+        chosen = Fit.today({name: data[name] for name in CHOSEN}, command="starting values")
+    fitted = Fit.today({name: data[name] for name in FITTED}, command=command, fitted_to=sha256)
+    write_fits(place, {"confidence": fitted, "chosen": chosen})
+
+
+def _read_confidence(path: Path, header: dict[str, str]) -> Confidence:
+    """Raises WeightsError: the file beside the weights is missing, or belongs to other weights."""
+    place = path.with_suffix(".yaml")
+    if not place.is_file() and "confidence" in header:  # weights written before there was such a file
+        return Confidence(**json.loads(header["confidence"]))
+    fits = read_fits(place, BLOCKS, error=WeightsError)
+    if fits["confidence"].fitted_to != header.get("sha256"):
+        raise WeightsError(
+            "was fitted to other weights",
+            path=place,
+            key="confidence.fitted_to",
+            value=fits["confidence"].fitted_to,
+            choices=[header.get("sha256")],
+            fix="Get the file that belongs to them, or train again",
+        )
+    return Confidence(**fits["confidence"].values, **fits["chosen"].values)
 
 
 def load_weights(path: Path) -> tuple["Ensemble", WeightsInfo]:
@@ -179,8 +223,8 @@ def _info(header: dict[str, str] | None, path: Path) -> WeightsInfo:
             "unknown format", path=path, key="format_version", value=version, choices=[FORMAT_VERSION]
         )
     try:
-        confidence = Confidence(**json.loads(header["confidence"]))
-        return WeightsInfo(header["network"], json.loads(header["categories"]), confidence)
+        categories = json.loads(header["categories"])
+        return WeightsInfo(header["network"], categories, _read_confidence(path, header))
     except (KeyError, TypeError, ValueError) as error:
         raise WeightsError(f"is corrupt: {error!r}", path=path, fix="Get the file again") from error
 

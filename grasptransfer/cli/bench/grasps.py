@@ -69,6 +69,7 @@ def calibration(
     rotation: Rotation = 0.0,
     workers: Workers = 2,
     seed: int = 0,
+    write: bool = False,
 ) -> int:
     """Whether a grasp's score is its chance to hold; prints the ranking's weights that make it so.
 
@@ -77,6 +78,7 @@ def calibration(
     Args:
         objects: random shapes of each category.
         seed: of lights, backgrounds, pose errors and trials.
+        write: the fitted weights into objects/models/ranking.yaml, with this command and the date.
     """
     from grasptransfer.workshop.benchmark.calibration import CalibrationSettings, run_calibration
 
@@ -88,4 +90,4 @@ def calibration(
         rotation_noise=math.radians(rotation),
         seed=seed,
     )
-    return run(partial(run_calibration, settings, workers=workers, ledger=ledger_of(json)), json)
+    return run(partial(run_calibration, settings, workers=workers, ledger=ledger_of(json), write=write), json)

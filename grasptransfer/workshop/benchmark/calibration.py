@@ -14,13 +14,14 @@ import numpy as np
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.grasping import load_gripper
-from grasptransfer.grasping.ranking import (
+from grasptransfer.grasping.ranking import grasp_features
+from grasptransfer.grasping.success_model import (
     WEIGHTS,
     Features,
     Ranking,
     Weights,
     expected_success,
-    grasp_features,
+    write_ranking,
 )
 from grasptransfer.perception.estimators import EstimatorSettings, make_estimator
 from grasptransfer.simulation import simulate
@@ -81,12 +82,14 @@ def run_calibration(
     workers: int = 1,
     ledger: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
+    write: bool = False,
 ) -> dict:
     """Fitted weights, and the reliability of the present and of the fitted score.
 
     Args:
         workers: processes.
         ledger: file that an interrupted run resumes from.
+        write: the fitted weights into `objects/models/ranking.yaml`, from which later processes take them.
 
     Raises:
         SettingsError: too few objects to fit with one half and judge by the other.
@@ -103,10 +106,12 @@ def run_calibration(
     }
     even = [grasp for task in tasks if task[1] in names[::2] for grasp in executed[task]]
     odd = [grasp for task in tasks if task[1] in names[1::2] for grasp in executed[task]]
-    present, fitted = Ranking().weights, fit_weights([*even, *odd])
+    present, fitted = Ranking.fitted().weights, fit_weights([*even, *odd])
     crossed = [(fit_weights(odd), even), (fit_weights(even), odd)]
     scores = [(float(expected_success(g.features, w)), g.held) for w, group in crossed for g in group]
     now = [(float(expected_success(g.features, present)), g.held) for g in [*even, *odd]]
+    if write:
+        write_ranking(fitted)
     rows = reliability(now, "present")
     rows += reliability(scores, "fitted")
     summary = {"grasps": len(scores), "held": float(np.mean([held for _, held in scores]))}
@@ -120,7 +125,7 @@ def fit_weights(executed: list[Executed]) -> Weights:
     """Weights of the ranking that make what was executed most likely."""
     from scipy.optimize import minimize
 
-    start = Ranking().weights
+    start = Ranking.fitted().weights
     held = np.array([grasp.held for grasp in executed])
     features = np.stack([grasp.features for grasp in executed])
 

@@ -15,7 +15,7 @@ from grasptransfer.drawing.views import towards
 from grasptransfer.perception.confidence import Confidence, Evidence
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.rgb import RgbEstimator
-from grasptransfer.perception.weights import load_weights, save_weights
+from grasptransfer.perception.weights import FITTED, load_weights, write_confidence
 from grasptransfer.workshop import objects
 from grasptransfer.workshop.training.backgrounds import draw_backdrop
 from grasptransfer.workshop.training.random_objects import draw_random_object
@@ -55,7 +55,7 @@ def fit_confidence(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Confidence:
-    """Fit the confidence of a weight file to pictures, and write it into the file.
+    """Fit the confidence of a weight file to pictures, and write it beside that file.
 
     Args:
         categories: that it was trained on.
@@ -64,7 +64,7 @@ def fit_confidence(
         seed: of shapes, pictures and strangers.
         progress: called with (pictures done, in all).
     """
-    ensemble, info = load_weights(weights)
+    confidence = load_weights(weights)[1].confidence
     total = 2 * pictures * len(categories)
     seen: list[Seen] = []
     for number, category in enumerate(categories):
@@ -73,8 +73,9 @@ def fit_confidence(
             seen.append(one)
             if progress:
                 progress(len(seen), total)
-    confidence = replace(fit_score(seen), overconfidence=fit_overconfidence(seen))
-    save_weights(weights, ensemble, replace(info, confidence=confidence))
+    fitted = replace(fit_score(seen), overconfidence=fit_overconfidence(seen)).as_data()
+    confidence = replace(confidence, **{name: fitted[name] for name in FITTED})
+    write_confidence(weights, confidence)
     return confidence
 
 
