@@ -22,7 +22,8 @@ from grasptransfer.simulation import (
 from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.engines import installed_engines, list_engines, open_world
 from grasptransfer.simulation.hand import hand_of
-from grasptransfer.simulation.trial import Job, _Trial
+from grasptransfer.simulation.job import Conditions, Job
+from grasptransfer.simulation.trial import _Trial
 from grasptransfer.solids.decomposition import decompose
 from grasptransfer.solids.reduced_hull import reduced_hull
 
@@ -158,7 +159,7 @@ def test_mass_centre_and_inertia_in_the_engine_are_those_of_the_mesh(engine):
     )
     corner.apply_transform(trimesh.transformations.rotation_matrix(0.4, [1, 2, 3], [0.02, 0, 0]))
     with open_world(engine, body_of(corner, LIFT_SHAKE), hand_of(PANDA), LIFT_SHAKE) as world:
-        world.load(0.8)
+        world.load(Conditions(0.8, world.body.mass, 40.0))
         mass, centre, inertia = world.object_dynamics()
         placed = world.world_from_object()
     assert mass == pytest.approx(500 * corner.volume, rel=1e-6)
@@ -201,7 +202,15 @@ def test_every_gripper_of_parallel_pads_closes_symmetrically_on_a_box(name, engi
     body, protocol = body_of(BOX, LIFT_SHAKE), LIFT_SHAKE
     with open_world(engine, body, hand_of(gripper), protocol) as world:
         # The box stands 4 mm off the middle: the fingers must push it there.
-        job = Job("middle", 0, from_the_side(x=0.004), 0.04, gripper.approach_opening(0.04), 0.1, 0.8)
+        job = Job(
+            "middle",
+            0,
+            from_the_side(x=0.004),
+            0.04,
+            gripper.approach_opening(0.04),
+            0.1,
+            Conditions(0.8, body.mass, min(protocol.grip_force, gripper.force_limit)),
+        )
         trial = _Trial(world, job)
         trial.gripper.place(job.object_from_tcp, job.opening)
         trial._close(job.object_from_tcp)

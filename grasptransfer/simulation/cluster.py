@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Sequence
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.simulation.job import Job
 from grasptransfer.simulation.outcome import TrialResult
 from grasptransfer.simulation.pool import crashed_trial
 from grasptransfer.simulation.setup import Setup, execute
-from grasptransfer.simulation.trial import Job
 
 CONNECT_TIME = 20  # s
 

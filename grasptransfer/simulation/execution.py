@@ -1,30 +1,36 @@
 """Execute grasps in physics: many trials, in this process, in several, or on a cluster."""
 
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
-from grasptransfer.errors import GraspFileError, SettingsError, check_seed
-from grasptransfer.frames import rigid
+from grasptransfer.errors import SettingsError, check_seed
 from grasptransfer.grasping.grasp import Grasp
 from grasptransfer.grasping.gripper import Gripper, load_gripper
-from grasptransfer.grasping.placed_grasp import Executable, PlacedGrasp, placed
+from grasptransfer.grasping.placed_grasp import Executable, PlacedGrasp
 from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.engines import choose_engine
 from grasptransfer.simulation.hand import hand_of
+from grasptransfer.simulation.job import Conditions, Job, make_jobs
 from grasptransfer.simulation.ledger import Ledger, read_results
 from grasptransfer.simulation.outcome import TrialResult
-from grasptransfer.simulation.protocol import Perturbation, Protocol, load_protocol
+from grasptransfer.simulation.protocol import Perturbation, Protocol, check_perturbation, load_protocol
 from grasptransfer.simulation.setup import Setup, execute, job_key
-from grasptransfer.simulation.trial import Job
 
 if TYPE_CHECKING:
     import trimesh
+
+BOUNDS = {
+    "trials": (1, 1_000_000),
+    "workers": (1, 1000),
+    "frames": (0.1, 240),  # per second
+    "friction": (0, 5),
+    "mass": (1e-3, 100),  # kg
+    "force": (0.1, 10_000),  # N
+    "trial_limit": (0.1, 86_400),  # s
+}
 
 
 def simulate(
@@ -37,6 +43,8 @@ def simulate(
     trials: int = 1,
     perturb: Perturbation | None = None,
     friction: float | None = None,
+    mass: float | None = None,
+    force: float | None = None,
     seed: int = 0,
     workers: int = 1,
     cluster: str | None = None,
@@ -60,6 +68,8 @@ def simulate(
         trials: of each grasp. One trial executes it exactly; several are perturbed.
         perturb: errors added to every trial; None: the protocol's where there are several trials.
         friction: of pad on object; None: the protocol's.
+        mass: of the object [kg]; None: volume times the protocol's density, within its limits.
+        force: of each pad [N], the gripper's own limit at most; None: the protocol's.
         seed: of the perturbations.
         workers: processes; one means this process.
         cluster: address of a Dask scheduler, instead of `workers`.
@@ -76,22 +86,24 @@ def simulate(
     """
     chosen, engine = load_protocol(protocol), choose_engine(engine)
     check_seed(seed)
-    _check_numbers(trials, workers, frames, friction)
-    loaded = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
-    perturb = perturb if perturb is not None or trials == 1 else chosen.perturbation
-    jobs = make_jobs(
-        grasps,
-        loaded,
-        chosen,
-        trials=trials,
-        perturb=perturb,
-        friction=chosen.friction if friction is None else friction,
-        seed=seed,
-        frames=frames,
-    )
-    if not jobs:
+    _check_numbers(trials=trials, workers=workers, frames=frames, friction=friction)
+    _check_numbers(mass=mass, force=force, trial_limit=trial_limit)
+    if perturb is not None:
+        check_perturbation(perturb)
+    if len(grasps) == 0:
         return []
-    setup = Setup(body_of(mesh, chosen), hand_of(loaded), chosen, engine)
+    gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
+    hand = hand_of(gripper)
+    setup = Setup(body_of(mesh, chosen), hand, chosen, engine)
+    conditions = Conditions(
+        friction=chosen.friction if friction is None else float(friction),
+        mass=setup.body.mass if mass is None else float(mass),
+        force=min(chosen.grip_force if force is None else float(force), hand.force_limit),
+    )
+    perturb = chosen.perturbation if perturb is None and trials > 1 else perturb
+    jobs = make_jobs(
+        grasps, gripper, conditions, trials=trials, perturb=perturb, seed=seed, frames=frames or 0.0
+    )
     keys = [job_key(setup, job) for job in jobs]
     known = {} if results_path is None or frames else read_results(results_path)
     results = {i: known[key] for i, key in enumerate(keys) if key in known}
@@ -127,76 +139,13 @@ def _run(
     return ((i, execute(setup, job)) for i, job in enumerate(jobs))
 
 
-def make_jobs(
-    grasps: Sequence[PlacedGrasp | Grasp | Executable | np.ndarray],
-    gripper: Gripper,
-    protocol: Protocol,
-    *,
-    trials: int,
-    perturb: Perturbation | None,
-    friction: float,
-    seed: int,
-    frames: float | None,
-) -> list[Job]:
-    """Every trial of every grasp, with its errors drawn from the seed, the grasp's name and the trial."""
-    jobs, names = [], set()
-    for i, given in enumerate(grasps):
-        grasp = placed(given, i)
-        name, pose = grasp.name, grasp.object_from_gripper
-        if name in names:
-            raise GraspFileError("two grasps share a name", key="grasps", value=name)
-        names.add(name)
-        width = None if grasp.width is None else float(grasp.width)
-        opening, approach = _on_the_way_in(grasp, gripper), float(grasp.approach_distance)
-        for trial in range(trials):
-            moved, rubbed = pose, friction
-            if perturb is not None:
-                # By name, not by place: leaving a grasp out does not change the others.
-                rng = np.random.default_rng([seed, zlib.crc32(name.encode()), trial])
-                moved, rubbed = perturbed(pose, friction, perturb, rng)
-            jobs.append(Job(name, trial, moved, width, opening, approach, rubbed, frames or 0.0))
-    return jobs
-
-
-def perturbed(
-    object_from_tcp: Float[np.ndarray, "4 4"],
-    friction: float,
-    perturb: Perturbation,
-    rng: np.random.Generator,
-) -> tuple[Float[np.ndarray, "4 4"], float]:
-    """The pose [m] and the friction with random errors."""
-    shift = rng.normal(0.0, 1.0, 3) * perturb.position
-    axis = rng.normal(0.0, 1.0, 3)
-    angle = np.radians(perturb.degrees) * rng.normal()
-    turn = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
-    share = perturb.friction * float(np.clip(rng.normal(), -2, 2))
-    return object_from_tcp @ rigid(turn, shift), max(friction * (1 + share), 0.0)
-
-
-def _on_the_way_in(grasp: PlacedGrasp, gripper: Gripper) -> float:
-    """Distance between the pads on the way in [m]; refuses lengths that are none in metres.
-
-    Raises:
-        GraspFileError: width, opening or approach distance beyond a metre, negative or not finite.
-    """
-    opening, width = grasp.opening, grasp.width
-    if opening is None:
-        opening = gripper.max_width if width is None else gripper.approach_opening(float(width))
-    for key, value in (
-        ("opening", opening),
-        ("width", width),
-        ("approach_distance", grasp.approach_distance),
-    ):
-        if value is not None and not (np.isfinite(value) and 0 <= value <= 1):
-            raise GraspFileError("must be a length in metres", key=f"{grasp.name}.{key}", value=value)
-    return float(np.clip(opening, *gripper.opening))
-
-
-def _check_numbers(trials: int, workers: int, frames: float | None, friction: float | None) -> None:
-    for key, value in (("trials", trials), ("workers", workers)):
-        if not isinstance(value, (int, np.integer)) or value < 1:
-            raise SettingsError("must be a whole number of at least 1", key=key, value=value)
-    if frames is not None and not 0 < frames <= 240:
-        raise SettingsError("must lie above 0 and up to 240 per second", key="frames", value=frames)
-    if friction is not None and not 0 <= friction <= 5:
-        raise SettingsError("must lie between 0 and 5", key="friction", value=friction)
+def _check_numbers(**numbers: float | None) -> None:
+    for key, value in numbers.items():
+        if value is None:
+            continue
+        low, high = BOUNDS[key]
+        whole = key in ("trials", "workers")
+        kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+        if isinstance(value, bool) or not isinstance(value, kinds) or not low <= value <= high:
+            kind = "a whole number" if whole else "a number"
+            raise SettingsError(f"must be {kind} from {low:g} to {high:g}", key=key, value=value)

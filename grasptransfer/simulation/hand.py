@@ -36,7 +36,6 @@ class Hand:
         drivers, openings: tables of driver values and the pad distances that belong to them [m].
         offsets: of each joint, metres or radians.
         opening: smallest and largest distance between the pads [m].
-        narrowest: width of the thinnest object that both pads reach [m].
         link_names: of every link, the base first.
         pad_links: names of the links with the -x and the +x pad.
         pad_bodies: names of all links that move with each pad.
@@ -54,7 +53,6 @@ class Hand:
     drivers: Float[np.ndarray, "t"] = field(repr=False)
     openings: Float[np.ndarray, "t"] = field(repr=False)
     opening: tuple[float, float]
-    narrowest: float
     link_names: tuple[str, ...]
     pad_links: tuple[str, str]
     pad_bodies: tuple[frozenset[str], frozenset[str]]
@@ -91,7 +89,6 @@ def hand_of(gripper: Gripper) -> Hand:
         drivers=np.array(gripper.driver_table),
         openings=np.array(gripper.opening_table),
         opening=gripper.opening,
-        narrowest=gripper.narrowest,
         link_names=tuple(link.name for link in gripper.links),
         pad_links=(first.link, second.link),
         pad_bodies=gripper.pad_bodies,
@@ -161,15 +158,20 @@ def _origin(parent_from_child: Float[np.ndarray, "4 4"]) -> ElementTree.Element:
 
 
 def _inertial(given: ElementTree.Element | None, *, is_base: bool) -> ElementTree.Element:
-    mass, moment = (LEAST_BASE_MASS, LEAST_BASE_MOMENT) if is_base else (LEAST_MASS, LEAST_MOMENT)
-    if given is not None and not (is_base and _mass(given) < LEAST_BASE_MASS):
+    """The URDF's mass and moments; a link of too little, or with no moment about an axis, gets the least.
+
+    PyBullet takes a mass of 0 for a body that is fixed to the world: such a hand holds all and lifts nothing.
+    """
+    least_mass, moment = (LEAST_BASE_MASS, LEAST_BASE_MOMENT) if is_base else (LEAST_MASS, LEAST_MOMENT)
+    mass = 0.0 if given is None else _mass(given)
+    if given is not None and _turns_heavily(given) and mass >= (least_mass if is_base else 1e-9):
         return given
     element = ElementTree.Element("inertial")
     origin = None if given is None else given.find("origin")
     if origin is not None:
         element.append(origin)
-    ElementTree.SubElement(element, "mass", value=str(mass))
-    moment = str(moment)
+    ElementTree.SubElement(element, "mass", value=f"{max(mass, least_mass):.9g}")
+    moment = f"{moment:.9g}"
     ElementTree.SubElement(element, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
     return element
 
@@ -177,6 +179,16 @@ def _inertial(given: ElementTree.Element | None, *, is_base: bool) -> ElementTre
 def _mass(inertial: ElementTree.Element) -> float:
     mass = inertial.find("mass")
     return 0.0 if mass is None else float(mass.get("value", 0.0))
+
+
+def _turns_heavily(inertial: ElementTree.Element) -> bool:
+    """Whether there is a moment of inertia about every axis."""
+    moments = inertial.find("inertia")
+    if moments is None:
+        return False
+    keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    xx, yy, zz, xy, xz, yz = (float(moments.get(key, 0)) for key in keys)
+    return bool(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] > 0)
 
 
 def _add_shapes(element: ElementTree.Element, link: FingerLink, stem: str) -> list[tuple[str, str]]:

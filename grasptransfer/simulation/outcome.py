@@ -18,6 +18,7 @@ class TrialStatus(enum.Enum):
     NO_CONTACT = "no contact"
     SLIPPED_LIFT = "slipped in the lift"
     SLIPPED_SHAKE = "slipped in the shake"
+    OUT_OF_STEP = "fingers out of step"
     UNSTABLE = "unstable"
     CRASHED = "crashed"
 
@@ -40,6 +41,7 @@ _ADVICE = {
     TrialStatus.NO_CONTACT: "Move the grasp so that both pads meet the object.",
     TrialStatus.SLIPPED_LIFT: "Grasp nearer to the centre of mass, or where the surface is flatter.",
     TrialStatus.SLIPPED_SHAKE: "Grasp nearer to the centre of mass, or where more of the pads touches.",
+    TrialStatus.OUT_OF_STEP: "Check limits, ratios and offsets of the gripper's joints, or use less force.",
     TrialStatus.UNSTABLE: "Look at the frames: the physics, or the object's stand, cannot be trusted here.",
     TrialStatus.CRASHED: "The process of the physics engine ended; run the trial again.",
 }
@@ -76,9 +78,9 @@ class TrialResult:
         detail: one sentence with the numbers.
         slip_mm, slip_degrees: how far the object moved in the gripper after the fingers had closed.
         max_penetration_mm: deepest overlap of gripper and object after that.
-        width_mm: distance between the pads at the end.
+        width_mm: distance between the pads at the end, where they are.
         protocol, gripper, engine: names.
-        friction: of this trial.
+        friction, mass, force: of this trial; kg, and N of each pad.
         seconds: of computing.
         recording: poses over time, where asked for; not kept in files.
     """
@@ -96,6 +98,8 @@ class TrialResult:
     gripper: str = ""
     engine: str = ""
     friction: float = 0.0
+    mass: float = 0.0
+    force: float = 0.0
     seconds: float = field(default=0.0, compare=False)
     recording: Recording | None = field(default=None, compare=False, repr=False)
 

@@ -9,9 +9,9 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 
+from grasptransfer.simulation.job import Job
 from grasptransfer.simulation.outcome import TrialResult, TrialStatus
 from grasptransfer.simulation.setup import Setup
-from grasptransfer.simulation.trial import Job
 
 START_TIME = 60.0  # s for a process to import and answer its first trial, on a busy machine
 
@@ -117,4 +117,6 @@ def _lost(worker: _Worker, what: str) -> TrialResult:
 
 def crashed_trial(job: Job, detail: str) -> TrialResult:
     """The result of a trial that nobody could finish."""
-    return TrialResult(job.grasp, job.trial, TrialStatus.CRASHED, "", detail, friction=job.friction)
+    return TrialResult(
+        job.grasp, job.trial, TrialStatus.CRASHED, "", detail, friction=job.conditions.friction
+    )

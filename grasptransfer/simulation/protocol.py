@@ -20,11 +20,13 @@ class Perturbation:
         position: standard deviation of the TCP along each axis [m].
         degrees: standard deviation of a turn about a random axis through the TCP.
         friction: standard deviation of the friction, a share of it; kept within two of them.
+        mass: up to this the object's mass is multiplied or divided, evenly on a logarithmic scale.
     """
 
     position: float = 0.003
     degrees: float = 5.0
     friction: float = 0.2
+    mass: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -54,12 +56,14 @@ class Protocol:
         approach_step: between checked poses of the approach [m].
         clearance_tolerance: overlap at most this deep is no collision [m].
         finger_speed: each pad's, closing [m/s].
-        close_time: most time for closing [s].
+        close_time: most time for closing [s]; a hand that needs longer for its stroke gets what it needs.
         grip_force: of each pad [N], the gripper's own limit at most; trials elsewhere use 20 to 40 N.
         settle_time: still, before the lift and after the last motion [s].
         lift_height, lift_time: [m], [s].
         shake_acceleration: highest, both ways along each axis of the TCP [m/s2]; 0: no shaking.
         shake_period: of one swing [s].
+        shake_jumps: whether each axis' swing begins where the first one began: the hand is thrown back there,
+            16 mm in one step, with all of `hold_force`. So `lift-shake-v1` does, against what it says.
         turn_degrees, turn_time: about the closing axis, both ways and back.
         slip, slip_degrees: most the object may move in the gripper [m], degrees.
         penetration: more overlap than this [m], and the physics is not believed.
@@ -93,6 +97,7 @@ class Protocol:
     lift_time: float = 0.3
     shake_acceleration: float = GRAVITY
     shake_period: float = 0.1
+    shake_jumps: bool = False
     turn_degrees: float = 30.0
     turn_time: float = 0.8
     slip: float = 0.02
@@ -109,11 +114,47 @@ class Protocol:
 PROTOCOLS = {
     protocol.name: protocol
     for protocol in (
-        Protocol("lift-shake-v1", support="air"),
+        Protocol("lift-shake-v1", support="air", shake_jumps=True),
+        Protocol("lift-shake-v2", support="air", time_step=1 / 480, solver_iterations=200,
+                 solver_residual=1e-8, perturbation=Perturbation(mass=2.0)),
         Protocol("table-lift-v1", support="table", lift_height=0.15, lift_time=0.6, shake_acceleration=0.0,
                  turn_degrees=0.0, settle_time=0.5),
     )
 }  # fmt: skip
+
+# Least and largest values of a protocol of one's own: without these the physics cannot be believed.
+BOUNDS = {
+    "time_step": (1e-4, 1 / 60),
+    "solver_iterations": (1, 10_000),
+    "solver_residual": (0, 1),
+    "density": (1, 30_000),
+    "friction": (0, 5),
+    "spinning_friction": (0, 1),
+    "air_damping": (0, 1000),
+    "hold_force": (1, 1e5),
+    "contact_erp": (0, 1),
+    "friction_erp": (0, 1),
+    "drive_mass": (1e-3, 10),
+    "gear_force": (1e-3, 1e5),
+    "gear_erp": (0, 1),
+    "approach_step": (1e-4, 0.1),
+    "clearance_tolerance": (0, 0.01),
+    "finger_speed": (1e-3, 1),
+    "close_time": (0.05, 100),
+    "grip_force": (0.1, 1e4),
+    "settle_time": (0, 100),
+    "lift_height": (0.01, 2),
+    "lift_time": (0.05, 100),
+    "shake_acceleration": (0, 1000),
+    "shake_period": (0.02, 10),
+    "turn_degrees": (0, 180),
+    "turn_time": (0.05, 100),
+    "slip": (1e-3, 1),
+    "slip_degrees": (0.1, 180),
+    "penetration": (1e-4, 0.1),
+    "table_settle_time": (0, 100),
+}
+PERTURBATION_BOUNDS = {"position": (0, 0.1), "degrees": (0, 180), "friction": (0, 0.5), "mass": (1, 10)}
 
 
 def list_protocols() -> list[str]:
@@ -149,9 +190,34 @@ def _checked(protocol: Protocol) -> Protocol:
         raise SettingsError(
             "is unknown", key="protocol.support", value=protocol.support, choices=("air", "table")
         )
-    for name, lowest in (("time_step", 1e-4), ("solver_iterations", 1), ("grip_force", 0.1),
-                         ("finger_speed", 1e-3), ("approach_step", 1e-4), ("friction", 0.0)):  # fmt: skip
-        value = getattr(protocol, name)
-        if not value >= lowest:
-            raise SettingsError(f"must be at least {lowest:g}", key=f"protocol.{name}", value=value)
+    _check_numbers(protocol, BOUNDS, "protocol")
+    low, high = protocol.mass_limits
+    if not 1e-3 <= low <= high <= 1000:
+        raise SettingsError(
+            "must be two masses in kg, the smaller first",
+            key="protocol.mass_limits",
+            value=protocol.mass_limits,
+        )
+    check_perturbation(protocol.perturbation)
     return protocol
+
+
+def check_perturbation(perturb: Perturbation) -> None:
+    """Refuse errors that no trial could have.
+
+    Raises:
+        SettingsError: not a number, or outside what is possible.
+    """
+    _check_numbers(perturb, PERTURBATION_BOUNDS, "perturbation")
+
+
+def _check_numbers(settings: Protocol | Perturbation, bounds: dict, name: str) -> None:
+    for field, (low, high) in bounds.items():
+        value = getattr(settings, field)
+        whole = field == "solver_iterations"
+        kinds = int if whole else (int, float)
+        if isinstance(value, bool) or not isinstance(value, kinds) or not low <= value <= high:
+            kind = "a whole number" if whole else "a number"
+            raise SettingsError(
+                f"must be {kind} from {low:g} to {high:g}", key=f"{name}.{field}", value=value
+            )

@@ -10,9 +10,10 @@ from grasptransfer.simulation.body import Body
 from grasptransfer.simulation.engines import engine_version, open_world
 from grasptransfer.simulation.engines.seam import World
 from grasptransfer.simulation.hand import Hand
+from grasptransfer.simulation.job import Job
 from grasptransfer.simulation.outcome import TrialResult
 from grasptransfer.simulation.protocol import Protocol
-from grasptransfer.simulation.trial import Job, run_trial
+from grasptransfer.simulation.trial import run_trial
 
 _LOCK = threading.Lock()  # a process has one physics client; a Dask worker may have several threads
 _WARM: dict[str, World] = {}
@@ -37,7 +38,7 @@ class Setup:
 def job_key(setup: Setup, job: Job) -> str:
     """Names one trial by all that decides its outcome."""
     pose = [round(float(value), 12) + 0.0 for value in job.object_from_tcp.ravel()]
-    numbers = (pose, job.width, job.opening, job.approach_distance, job.friction)
+    numbers = (pose, job.width, job.opening, job.approach_distance, job.conditions)
     return content_key(setup.key, job.grasp, job.trial, numbers)[:24]
 
 

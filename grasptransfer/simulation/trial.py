@@ -1,7 +1,6 @@
 """One trial: pre-check, approach, close, lift, shake, turn; each phase can end it with a reason."""
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from grasptransfer.frames import invert, rotation_angle
 from grasptransfer.simulation import motion
 from grasptransfer.simulation.engines.seam import World
+from grasptransfer.simulation.job import Job
 from grasptransfer.simulation.outcome import Recording, TrialResult, TrialStatus
 
 LEAST_ROOM = 0.001  # m on each side of the object, below which the gripper does not get around it
@@ -17,31 +17,10 @@ WATCH = 0.05  # s between looks at contacts and slip
 STALLED = 2e-4  # m of opening in one look: fingers slower than this have closed
 TOPPLED = (0.01, 5.0)  # m, degrees: more than this, and the object does not stand by itself
 RUNAWAY = 5.0  # m/s: nothing in a protocol is that fast
+OUT_OF_STEP = 0.003  # m by which joints that should follow each other may disagree about the opening
+NOT_LIFTED = 0.01  # m below the lift's height at which the hand has not made the lift
+SPARE_TIME = 1.25  # of the time that a hand's stroke takes at the protocol's speed
 LIMIT_SPEED = 1.0  # m/s the closed fingers strive for, so that their motors give all their force
-
-
-@dataclass(frozen=True)
-class Job:
-    """What to execute, errors already added.
-
-    Args:
-        grasp, trial: name and number.
-        object_from_tcp: (4, 4) [m].
-        width: distance between the pads when they touch, or None where not known [m].
-        opening: distance between the pads on the way in [m].
-        approach_distance: straight way along +z that ends at the grasp [m].
-        friction: of the contact.
-        frames_per_second: of the recording; 0: none.
-    """
-
-    grasp: str
-    trial: int
-    object_from_tcp: Float[np.ndarray, "4 4"]
-    width: float | None
-    opening: float
-    approach_distance: float
-    friction: float
-    frames_per_second: float = 0.0
 
 
 class _Ended(Exception):
@@ -74,7 +53,9 @@ def run_trial(world: World, job: Job) -> TrialResult:
         protocol=world.protocol.name,
         gripper=world.hand.name,
         engine=world.engine,
-        friction=job.friction,
+        friction=job.conditions.friction,
+        mass=job.conditions.mass,
+        force=job.conditions.force,
         seconds=time.perf_counter() - started,
         recording=trial.recording(),
     )
@@ -85,7 +66,7 @@ class _Trial:
 
     def __init__(self, world: World, job: Job):
         self.world, self.job, self.protocol = world, job, world.protocol
-        self.gripper = world.load(job.friction)
+        self.gripper = world.load(job.conditions)
         self.phase = "pre-check"
         self.slip = self.slip_degrees = self.penetration = 0.0
         self.steps = 0
@@ -111,6 +92,7 @@ class _Trial:
         self.phase = "rest"
         self._stay(self.protocol.settle_time)
         self._both_pads()
+        self._in_step()
 
     def _stand(self):
         """The object stands on the table by itself, before any gripper comes."""
@@ -135,7 +117,7 @@ class _Trial:
         if width is not None and width + 2 * LEAST_ROOM > widest:
             text = f"the object is {width * 1e3:.0f} mm wide here; the gripper opens {widest * 1e3:.0f} mm"
             raise _Ended(TrialStatus.TOO_WIDE, text)
-        least = self.world.hand.narrowest
+        least = self.world.hand.opening[0]
         if width is not None and width < least - LEAST_ROOM:
             text = f"the object is {width * 1e3:.0f} mm wide here; the gripper closes to {least * 1e3:.0f} mm"
             raise _Ended(TrialStatus.NO_CONTACT, text)
@@ -179,13 +161,15 @@ class _Trial:
     def _close(self, world_from_tcp: Float[np.ndarray, "4 4"]):
         self.phase = "close"
         world, gripper, protocol = self.world, self.gripper, self.protocol
-        force = min(protocol.grip_force, world.hand.force_limit)
+        force = self.job.conditions.force
         if protocol.support == "air":
             world.damp(protocol.air_damping)
         gripper.hold(world_from_tcp)
         self.target = world_from_tcp
         opening = gripper.opening()
-        for _ in range(round(protocol.close_time / (self._watch_every * protocol.time_step))):
+        stroke_time = SPARE_TIME * opening / (2 * protocol.finger_speed)
+        longest = max(protocol.close_time, stroke_time)
+        for _ in range(round(longest / (self._watch_every * protocol.time_step))):
             gripper.drive_fingers(protocol.finger_speed, force, opening)
             self._step(self._watch_every)
             before, opening = opening, gripper.opening()
@@ -194,6 +178,7 @@ class _Trial:
         gripper.drive_fingers(LIMIT_SPEED, force, opening)
         self._step(self._watch_every)
         self._both_pads(TrialStatus.NO_CONTACT)
+        self._in_step()
         world.weigh(True)
         world.damp(0.0)
         self.tcp_from_object = invert(gripper.world_from_tcp()) @ world.world_from_object()
@@ -201,17 +186,32 @@ class _Trial:
     def _lift(self, grasp: Float[np.ndarray, "4 4"]):
         self.phase = "lift"
         self._stay(self.protocol.settle_time)
+        before = self._heights()
         heights = motion.lift_heights(self.protocol)
         places = np.tile(grasp[:3, 3], (len(heights), 1))
         places[:, 2] += heights
         self._follow(places, np.broadcast_to(grasp[:3, :3], (len(heights), 3, 3)))
         self._stay(self.protocol.settle_time)
         self._both_pads()
+        hand, lifted = self._heights() - before
+        if hand < self.protocol.lift_height - NOT_LIFTED:
+            text = f"the hand rose by {hand * 1e3:.0f} of {self.protocol.lift_height * 1e3:.0f} mm"
+            raise _Ended(TrialStatus.UNSTABLE, text)
+        if lifted < self.protocol.lift_height - NOT_LIFTED - self.protocol.slip:
+            raise _Ended(TrialStatus.SLIPPED_LIFT, f"the object rose by {lifted * 1e3:.0f} mm alone")
+
+    def _heights(self) -> Float[np.ndarray, "2"]:
+        """Of the TCP and of the object's centre of mass [m]."""
+        placed = self.world.world_from_object()
+        centre = placed[:3, :3] @ self.world.body.centre_of_mass + placed[:3, 3]
+        return np.array([self.gripper.world_from_tcp()[2, 3], centre[2]])
 
     def _shake(self):
         self.phase = "shake"
         swing, start = motion.swing(self.protocol), self.target
         for axis in range(3):
+            if not self.protocol.shake_jumps:
+                start = self.target
             places = start[:3, 3] + swing[:, None] * start[:3, axis]
             self._follow(places, np.broadcast_to(start[:3, :3], (len(swing), 3, 3)))
 
@@ -275,6 +275,12 @@ class _Trial:
         if missing:
             text = f"the {' and the '.join(missing)} pad touches nothing"
             raise _Ended(otherwise or self._slipped(), text)
+
+    def _in_step(self):
+        error = self.gripper.coupling_error()
+        if error > OUT_OF_STEP:
+            text = f"joints that follow each other disagree by {error * 1e3:.1f} mm of the opening"
+            raise _Ended(TrialStatus.OUT_OF_STEP, text)
 
     def _slipped(self) -> TrialStatus:
         return TrialStatus.SLIPPED_LIFT if self.phase == "lift" else TrialStatus.SLIPPED_SHAKE

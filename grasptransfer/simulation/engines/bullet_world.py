@@ -19,6 +19,7 @@ from grasptransfer.simulation.engines.bullet_client import BASE, Client, quatern
 from grasptransfer.simulation.engines.bullet_gripper import BulletGripper
 from grasptransfer.simulation.engines.seam import FAR, World
 from grasptransfer.simulation.hand import Hand
+from grasptransfer.simulation.job import Conditions
 from grasptransfer.simulation.protocol import GRAVITY, Protocol
 
 TABLE_HALF_THICKNESS = 0.1  # m
@@ -58,12 +59,8 @@ class BulletWorld(World):
         self._client.close()
         self._files.cleanup()
 
-    def load(self, friction: float) -> BulletGripper:
-        """A fresh gripper, and the object at the origin, always in this order.
-
-        Args:
-            friction: of the contact between pad and object.
-        """
+    def load(self, conditions: Conditions) -> BulletGripper:
+        """A fresh gripper, and the object at the origin, always in this order."""
         if self._shape is None:
             self._prepare()
         if self._loaded is not None:
@@ -72,7 +69,7 @@ class BulletWorld(World):
             for body in (self._loaded.body, *self._others):
                 self._call("removeBody", body)
         self.gripper = self._loaded = BulletGripper(self._client, self.hand, self.protocol, self._folder)
-        self._load_object(friction)
+        self._load_object(conditions)
         self._others, self.table = [self.object], None
         if self.protocol.support == "table":
             self._load_table()
@@ -99,13 +96,13 @@ class BulletWorld(World):
         path, flags = str(self._folder / "object.obj"), bullet.URDF_INITIALIZE_SAT_FEATURES
         self._shape = self._call("createCollisionShape", bullet.GEOM_MESH, fileName=path, flags=flags)
 
-    def _load_object(self, friction: float):
+    def _load_object(self, conditions: Conditions):
         body = self.body
         # Bullet places a body by its centre of mass (bullet3 #2411).
         self._mass_from_object = invert(rigid(body.principal_axes, body.centre_of_mass))
         self.object = self._call(
             "createMultiBody",
-            body.mass,
+            conditions.mass,
             self._shape,
             baseInertialFramePosition=body.centre_of_mass.tolist(),
             baseInertialFrameOrientation=quaternion(body.principal_axes),
@@ -114,8 +111,8 @@ class BulletWorld(World):
             "changeDynamics",
             self.object,
             BASE,
-            localInertiaDiagonal=body.principal_moments.tolist(),
-            lateralFriction=friction,
+            localInertiaDiagonal=(body.principal_moments * conditions.mass / body.mass).tolist(),
+            lateralFriction=conditions.friction,
             spinningFriction=self.protocol.spinning_friction,
             rollingFriction=0.0,
             frictionAnchor=1,  # else what sticks creeps by a millimetre a second, for want of iterations

@@ -21,6 +21,7 @@ from grasptransfer.simulation.body import Body
 from grasptransfer.simulation.engines.mujoco_model import CARRIER, OBJECT, STEPS, TABLE, build_model
 from grasptransfer.simulation.engines.seam import FAR, FloatingGripper, World
 from grasptransfer.simulation.hand import Hand
+from grasptransfer.simulation.job import Conditions
 from grasptransfer.simulation.protocol import GRAVITY, Protocol
 
 TOUCH = 1e-4  # m: how far away an overlap is looked for
@@ -148,11 +149,16 @@ class MujocoWorld(World):
     def close(self):
         """Nothing is held but this process's memory."""
 
-    def load(self, friction: float) -> MujocoGripper:
+    def load(self, conditions: Conditions) -> MujocoGripper:
         """A fresh gripper, and the object at the origin at rest, weighing something on a table only."""
         model, data = self._model, self._state.data
         mujoco.mj_resetData(model, data)
-        model.geom_friction[list(self._parts)] = friction, self.protocol.spinning_friction, 0.0
+        model.body_mass[self._object] = self._mass = conditions.mass
+        model.body_inertia[self._object] = self._moments = (
+            self.body.principal_moments * conditions.mass / self.body.mass
+        )
+        mujoco.mj_setConst(model, data)  # what the solver knows of masses
+        model.geom_friction[list(self._parts)] = conditions.friction, self.protocol.spinning_friction, 0.0
         data.qpos[self._value] = position_and_quaternion(self._object_from_mass)
         self.damp(0.0)
         self.weigh(self.protocol.support == "table")
@@ -166,8 +172,7 @@ class MujocoWorld(World):
 
     def damp(self, rate: float):
         """Slow the object's own motion by `rate` [1/s]."""
-        inertia = [self.body.mass] * 3 + self.body.principal_moments.tolist()
-        self._model.dof_damping[self._speed] = rate * np.array(inertia)
+        self._model.dof_damping[self._speed] = rate * np.array([self._mass] * 3 + self._moments.tolist())
 
     def step(self):
         """One time step of the protocol, on a path without corners."""

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from grasptransfer.frames import invert, transform_points
 from grasptransfer.simulation.body import Body
 from grasptransfer.simulation.hand import Hand
+from grasptransfer.simulation.job import Conditions
 from grasptransfer.simulation.protocol import Protocol
 
 FAR = 0.25  # m, beyond any pad's stroke: how far distances are looked for
@@ -127,12 +128,8 @@ class World(ABC):
         """Give back what the engine holds."""
 
     @abstractmethod
-    def load(self, friction: float) -> FloatingGripper:
-        """A fresh gripper, and the object at the origin at rest, weighing something on a table only.
-
-        Args:
-            friction: Coulomb coefficient between pad and object.
-        """
+    def load(self, conditions: Conditions) -> FloatingGripper:
+        """A fresh gripper, and the object at the origin at rest, weighing something on a table only."""
 
     @abstractmethod
     def weigh(self, gravity: bool) -> None:
