@@ -13,45 +13,88 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
     from grasptransfer.category import Category
-    from grasptransfer.grasping import CheckStatus, Gripper, Scene
-    from grasptransfer.perception.estimate import EstimateStatus
+    from grasptransfer.grasping import CheckStatus, GraspCheck, Gripper, Scene, WarpedGrasp
+    from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
     from grasptransfer.perception.observation import Observation
     from grasptransfer.registration import DeformationField
 
 
 @dataclass(frozen=True)
 class TransferredGrasp:
-    """An annotated grasp on the seen instance.
+    """An annotated grasp on the seen instance, and the verdict about it.
 
     Args:
-        name, label: as annotated; members of a symmetry family carry their turn in the name.
-        camera_from_gripper: (4, 4) TCP in the camera frame [m].
-        object_from_gripper: (4, 4) TCP in the object frame [m].
-        canonical_from_gripper: (4, 4) the annotated TCP [m].
-        width: distance between the pads when they touch [m].
-        opening: distance between the pads on the way in [m].
-        score: expected success in [0, 1], over the shapes and the poses near the told one that the picture
+        warped: the annotated grasp, moved to the instance, refined and placed.
+        check: whether the gripper reaches it and closes on the object.
+        score: expected success in [0, 1], over the shapes and the poses near the given one that the picture
             leaves possible, times the chance that it shows the category at all.
-        status: outcome of the checks; `usable` says whether to execute it.
-        reason: one sentence.
-        approach_distance: of the straight way in, along +z to the TCP [m].
-        confidence: of the annotation, in [0, 1].
-        contacts: (2, 3) points under the -x and the +x pad, object frame [m]; None where they are not known.
+        camera_from_object: (4, 4) pose of the instance [m].
     """
 
-    name: str
-    label: str
-    camera_from_gripper: Float[np.ndarray, "4 4"]
-    object_from_gripper: Float[np.ndarray, "4 4"]
-    canonical_from_gripper: Float[np.ndarray, "4 4"]
-    width: float
-    opening: float
+    warped: WarpedGrasp
+    check: GraspCheck
     score: float
-    status: CheckStatus
-    reason: str
-    approach_distance: float
-    confidence: float
-    contacts: Float[np.ndarray, "2 3"] | None = None
+    camera_from_object: Float[np.ndarray, "4 4"]
+
+    @property
+    def name(self) -> str:
+        """As annotated; members of a symmetry family carry their turn in it."""
+        return self.warped.source.name
+
+    @property
+    def label(self) -> str:
+        """What the grasp is for, as annotated."""
+        return self.warped.source.label
+
+    @property
+    def canonical_from_gripper(self) -> Float[np.ndarray, "4 4"]:
+        """(4, 4) the annotated TCP [m]."""
+        return self.warped.source.canonical_from_gripper
+
+    @property
+    def object_from_gripper(self) -> Float[np.ndarray, "4 4"]:
+        """(4, 4) TCP in the object frame [m]."""
+        return self.warped.object_from_gripper
+
+    @property
+    def camera_from_gripper(self) -> Float[np.ndarray, "4 4"]:
+        """(4, 4) TCP in the camera frame [m]."""
+        return self.camera_from_object @ self.warped.object_from_gripper
+
+    @property
+    def width(self) -> float:
+        """Distance between the pads when they touch [m]."""
+        return self.warped.width
+
+    @property
+    def opening(self) -> float:
+        """Distance between the pads on the way in [m]."""
+        return self.check.opening
+
+    @property
+    def contacts(self) -> Float[np.ndarray, "2 3"] | None:
+        """(2, 3) points under the -x and the +x pad, object frame [m]; None where they are not known."""
+        return self.warped.contacts
+
+    @property
+    def approach_distance(self) -> float:
+        """Of the straight way in, along +z to the TCP [m]."""
+        return self.warped.source.approach_distance
+
+    @property
+    def confidence(self) -> float:
+        """Of the annotation, in [0, 1]."""
+        return self.warped.source.confidence
+
+    @property
+    def status(self) -> CheckStatus:
+        """Outcome of the checks; `usable` says whether to execute the grasp."""
+        return self.check.status
+
+    @property
+    def reason(self) -> str:
+        """The verdict in one sentence."""
+        return self.check.reason
 
     @property
     def usable(self) -> bool:
@@ -66,12 +109,7 @@ class TransferResult:
     Args:
         grasps: best first; those that failed a check come last and say why.
         mesh: reconstruction of the instance, object frame [m].
-        field: canonical to object; `field(points)` warps (m, 3) canonical points [m].
-        camera_from_object: (4, 4) the pose, refined where the estimator does that.
-        latent, latent_covariance: shape-space coordinates and their posterior covariance, or None.
-        mask: (h, w) pixels of the object, the told mask or else the predicted one, or None.
-        category_score: 1 = fits the category, 0 = does not; None where the estimator does not judge it.
-        status: outcome of the shape estimate.
+        estimate: shape and pose, as the estimator gave them.
         timings: seconds per stage.
         category, gripper: loaded.
         observation: what was seen and told.
@@ -80,13 +118,7 @@ class TransferResult:
 
     grasps: tuple[TransferredGrasp, ...]
     mesh: trimesh.Trimesh
-    field: DeformationField
-    camera_from_object: Float[np.ndarray, "4 4"]
-    latent: Float[np.ndarray, " k"] | None
-    latent_covariance: Float[np.ndarray, "k k"] | None
-    mask: Bool[np.ndarray, "h w"] | None
-    category_score: float | None
-    status: EstimateStatus
+    estimate: ShapeEstimate
     timings: dict[str, float]
     category: Category
     gripper: Gripper
@@ -97,6 +129,41 @@ class TransferResult:
     def usable(self) -> tuple[TransferredGrasp, ...]:
         """The grasps that passed every check, best first."""
         return tuple(grasp for grasp in self.grasps if grasp.usable)
+
+    @property
+    def field(self) -> DeformationField:
+        """Canonical to object; `field(points)` warps (m, 3) canonical points [m]."""
+        return self.estimate.field
+
+    @property
+    def camera_from_object(self) -> Float[np.ndarray, "4 4"]:
+        """(4, 4) the pose [m], refined where the estimator does that."""
+        return self.estimate.camera_from_object
+
+    @property
+    def latent(self) -> Float[np.ndarray, " k"] | None:
+        """(k,) shape-space coordinates [standard deviations], where the estimator has them."""
+        return self.estimate.latent
+
+    @property
+    def latent_covariance(self) -> Float[np.ndarray, "k k"] | None:
+        """(k, k) posterior covariance of `latent`, where the estimator has it."""
+        return self.estimate.latent_covariance
+
+    @property
+    def mask(self) -> Bool[np.ndarray, "h w"] | None:
+        """(h, w) pixels of the object, the given mask or else the predicted one."""
+        return self.estimate.mask
+
+    @property
+    def category_score(self) -> float | None:
+        """1 = fits the category, 0 = does not; None where the estimator does not judge it."""
+        return self.estimate.category_score
+
+    @property
+    def status(self) -> EstimateStatus:
+        """Outcome of the shape estimate."""
+        return self.estimate.status
 
     def to_isaac_grasp(self, path: str | Path) -> Path:
         """Write the usable grasps as isaac_grasp YAML, object frame, TCP.

@@ -9,7 +9,6 @@ Frames: `object` is the seen instance in its category's axes, `gripper` the TCP 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,8 +44,6 @@ from grasptransfer.registration.field import FieldPair
 from grasptransfer.result import TransferredGrasp, TransferResult
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
     from grasptransfer.perception.estimate import Estimator, ShapeEstimate
     from grasptransfer.perception.observation import Observation
 
@@ -130,17 +127,14 @@ class GraspTransfer:
         scores = [trust * chance for chance in chances]
         checks = doubt_unlikely(reached.checks, scores, trust=trust)
         timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
-        grasps = _transferred(reached.grasps, checks, scores, pose)
+        grasps = [
+            TransferredGrasp(warped, check, score, pose)
+            for warped, check, score in zip(reached.grasps, checks, scores, strict=True)
+        ]
         return TransferResult(
             grasps=tuple(sorted(grasps, key=lambda grasp: (not grasp.usable, -grasp.score))),
             mesh=reached.mesh,
-            field=estimate.field,
-            camera_from_object=pose,
-            latent=estimate.latent,
-            latent_covariance=estimate.latent_covariance,
-            mask=estimate.mask,
-            category_score=estimate.category_score,
-            status=estimate.status,
+            estimate=estimate,
             timings=timings,
             category=self.category,
             gripper=self.gripper,
@@ -264,32 +258,6 @@ def reconstruct(category: Category, field: DeformationField) -> trimesh.Trimesh:
     mesh = category.canonical.copy()
     mesh.vertices = field(np.asarray(mesh.vertices))
     return mesh
-
-
-def _transferred(
-    refined: Sequence[WarpedGrasp],
-    checks: Sequence[GraspCheck],
-    scores: Sequence[float],
-    camera_from_object: Float[np.ndarray, "4 4"],
-) -> list[TransferredGrasp]:
-    return [
-        TransferredGrasp(
-            name=grasp.name,
-            label=grasp.label,
-            camera_from_gripper=camera_from_object @ grasp.object_from_gripper,
-            object_from_gripper=grasp.object_from_gripper,
-            canonical_from_gripper=grasp.canonical_from_gripper,
-            width=grasp.width,
-            opening=check.opening,
-            score=score,
-            status=check.status,
-            reason=check.reason,
-            approach_distance=grasp.approach_distance,
-            confidence=grasp.confidence,
-            contacts=grasp.contacts,
-        )
-        for grasp, check, score in zip(refined, checks, scores, strict=True)
-    ]
 
 
 def _checked_scene(scene: object) -> Scene | None:

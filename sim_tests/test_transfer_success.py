@@ -5,6 +5,7 @@ import yaml
 
 import grasptransfer as gt
 from grasptransfer.frames import invert
+from grasptransfer.grasping import placed_at
 
 
 @pytest.fixture(scope="module")
@@ -31,21 +32,6 @@ def test_a_grasp_from_the_bundled_picture_is_held_on_the_true_mug(mug):
     )
     truth = yaml.safe_load((folder / "truth.yaml").read_text())
     object_from_camera = invert(gt.load_pose(folder / "truth.yaml"))
-    executed = [
-        _Placed(grasp.name, object_from_camera @ grasp.camera_from_gripper, grasp.width, grasp.opening)
-        for grasp in result.usable
-    ]
+    executed = [placed_at(grasp, object_from_camera @ grasp.camera_from_gripper) for grasp in result.usable]
     trials = gt.simulate(executed, mug.instance_mesh(truth["instance"]), result.gripper)
     assert sum(trial.held for trial in trials) >= len(trials) // 3
-
-
-class _Placed:
-    """A grasp placed on the true object."""
-
-    def __init__(self, name, object_from_gripper, width, opening):
-        self.name, self.object_from_gripper, self.width, self.opening = (
-            name,
-            object_from_gripper,
-            width,
-            opening,
-        )

@@ -10,7 +10,7 @@ from rich.console import Console
 from grasptransfer.category import load_category
 from grasptransfer.cli.bench.run import run
 from grasptransfer.errors import SettingsError
-from grasptransfer.grasping import CheckStatus
+from grasptransfer.grasping import CheckStatus, Grasp, GraspCheck, on_canonical
 from grasptransfer.result import TransferredGrasp
 from grasptransfer.workshop.benchmark.grasp import GraspSettings, Outcome, _row, _summary, run_grasp_benchmark
 from grasptransfer.workshop.benchmark.seen_instances import Instance
@@ -19,7 +19,8 @@ from grasptransfer.workshop.benchmark.tables import rows_table
 
 def grasp(name, status):
     still = np.eye(4)
-    return TransferredGrasp(name, "", still, still, still, 0.02, 0.04, 0.9, status, "", 0.1, 1.0, None)
+    warped = on_canonical([Grasp(name, "", still, 0.02)])[0]
+    return TransferredGrasp(warped, GraspCheck(status, "", 0.04), 0.9, still)
 
 
 @pytest.fixture(scope="module")

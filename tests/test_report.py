@@ -216,7 +216,10 @@ def test_the_scene_holds_the_reconstruction_and_the_grippers_in_the_object_frame
 
 
 def test_what_a_name_holds_is_shown_as_text(result, tmp_path):
-    best = dataclasses.replace(result.usable[0], name="<b>bold</b>", reason="a < b & c")
+    best = result.usable[0]
+    source = dataclasses.replace(best.warped.source, name="<b>bold</b>")
+    warped = dataclasses.replace(best.warped, source=source)
+    best = dataclasses.replace(best, warped=warped, check=dataclasses.replace(best.check, reason="a < b & c"))
     text = write_page(dataclasses.replace(result, grasps=(best,)), tmp_path / "report.html").read_text()
     assert "<b>bold" not in text
     assert "&lt;b&gt;bold&lt;/b&gt;" in text

@@ -15,7 +15,7 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
-from grasptransfer.grasping.placed_grasp import PlacedGrasp
+from grasptransfer.grasping.placed_grasp import PlacedGrasp, placed_at
 from grasptransfer.grasping.placement import place_grasps
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.ranking import doubt_unlikely, rank_grasps
@@ -47,6 +47,7 @@ __all__ = [
     "load_scene",
     "on_canonical",
     "place_grasps",
+    "placed_at",
     "rank_grasps",
     "read_grasp_file",
     "refine_grasps",

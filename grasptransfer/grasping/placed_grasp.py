@@ -113,7 +113,16 @@ def placed(grasp: "PlacedGrasp | Grasp | Executable | np.ndarray", index: int) -
             value=type(grasp).__name__,
             fix="Give PlacedGrasp(name, label, object_from_gripper, width), or a (4, 4) array",
         )
+    return placed_at(grasp, grasp.object_from_gripper)
+
+
+def placed_at(grasp: Executable, object_from_gripper: Float[np.ndarray, "4 4"]) -> PlacedGrasp:
+    """A grasp at another TCP pose (4, 4) [m], as where the object does not stand where it was believed to.
+
+    Raises:
+        PoseError: the pose is not rigid, or in millimetres.
+    """
     approach = DEFAULT_APPROACH_DISTANCE if grasp.approach_distance is None else grasp.approach_distance
     return PlacedGrasp(
-        str(grasp.name), "grasp", grasp.object_from_gripper, grasp.width, approach, opening=grasp.opening
+        str(grasp.name), "grasp", object_from_gripper, grasp.width, approach, opening=grasp.opening
     )

@@ -14,9 +14,10 @@ from jaxtyping import Float
 
 from grasptransfer.grasping.closing import Closing, close_pads
 from grasptransfer.grasping.collision import GraspCheck, check_grasps
+from grasptransfer.grasping.features import features_around
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.plausible import PlausibleObjects
-from grasptransfer.grasping.ranking import features_around, rank_grasps
+from grasptransfer.grasping.ranking import rank_grasps
 from grasptransfer.grasping.success_model import Ranking, expected_success
 from grasptransfer.grasping.warping import WarpedGrasp
 from grasptransfer.grasping.world import CollisionWorld

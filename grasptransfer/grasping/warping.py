@@ -50,8 +50,7 @@ class WarpedGrasp:
     """A grasp moved to an instance.
 
     Args:
-        name, label, approach_distance, confidence: the annotated grasp's.
-        canonical_from_gripper: the annotated TCP pose (4, 4) [m].
+        source: the annotated grasp.
         object_from_gripper: the TCP pose (4, 4) on the instance [m].
         width: distance between the pads when they touch, from the warped contacts [m].
         contacts: warped contacts (2, 3), -x side first, object frame [m].
@@ -61,17 +60,23 @@ class WarpedGrasp:
             TCP without them; the smallest is negative where the field turns space inside out.
     """
 
-    name: str
-    label: str
-    canonical_from_gripper: Float[np.ndarray, "4 4"]
+    source: Grasp
     object_from_gripper: Float[np.ndarray, "4 4"]
     width: float
     contacts: Float[np.ndarray, "2 3"] | None
-    approach_distance: float
-    confidence: float
     opening: float | None
     method: str
     stretch: tuple[float, float]
+
+    @property
+    def name(self) -> str:
+        """As annotated; members of a symmetry family carry their turn in it."""
+        return self.source.name
+
+    @property
+    def approach_distance(self) -> float:
+        """Straight way along +z that ends at the grasp [m], as annotated."""
+        return self.source.approach_distance
 
     def closing_at(
         self, object_from_gripper: Float[np.ndarray, "4 4"], width: float, contacts: Float[np.ndarray, "2 3"]
@@ -212,14 +217,10 @@ def _warped(
     else:
         width = grasp.width * float(np.linalg.norm(jacobian @ grasp.canonical_from_gripper[:3, 0]))
     return WarpedGrasp(
-        name=grasp.name,
-        label=grasp.label,
-        canonical_from_gripper=grasp.canonical_from_gripper,
+        source=grasp,
         object_from_gripper=object_from_gripper,
         width=width,
         contacts=contacts,
-        approach_distance=grasp.approach_distance,
-        confidence=grasp.confidence,
         # The annotator's room beside the object stays as it was.
         opening=None if grasp.opening is None else grasp.opening + width - (grasp.width or 0.0),
         method=method,

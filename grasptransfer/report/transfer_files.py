@@ -4,7 +4,7 @@ import os
 import tempfile
 from collections.abc import Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from PIL import Image
 from grasptransfer.errors import ImageError, SettingsError
 from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import invert
-from grasptransfer.grasping import load_scene
+from grasptransfer.grasping import load_scene, placed_at
 from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.observation import read_image
 from grasptransfer.perception.picture_camera import camera_of
@@ -134,7 +134,7 @@ def execute_best(
 
     mesh_from_camera = invert(camera_from_mesh)
     placed = [
-        replace(grasp, object_from_gripper=mesh_from_camera @ grasp.camera_from_gripper)
+        placed_at(grasp, mesh_from_camera @ grasp.camera_from_gripper)
         for grasp in best_of_each_label(result.usable)[:most]
     ]
     if not placed:

@@ -10,7 +10,7 @@ import logging
 import signal
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import msgpack
@@ -185,7 +185,7 @@ def _unpacked(message: bytes) -> dict:
     return request
 
 
-def _one_of(value: object, choices: tuple[str, ...], key: str) -> str:
+def _one_of(value: object, choices: Collection[str], key: str) -> str:
     if not isinstance(value, str) or value not in choices:
         raise SettingsError(f"unknown {key}", key=key, value=value, choices=choices)
     return value

@@ -36,6 +36,7 @@ class Hand:
         drivers, openings: tables of driver values and the pad distances that belong to them [m].
         offsets: of each joint, metres or radians.
         opening: smallest and largest distance between the pads [m].
+        narrowest: width of the thinnest object that both pads reach [m].
         link_names: of every link, the base first.
         pad_links: names of the links with the -x and the +x pad.
         pad_bodies: names of all links that move with each pad.
@@ -53,6 +54,7 @@ class Hand:
     drivers: Float[np.ndarray, "t"] = field(repr=False)
     openings: Float[np.ndarray, "t"] = field(repr=False)
     opening: tuple[float, float]
+    narrowest: float
     link_names: tuple[str, ...]
     pad_links: tuple[str, str]
     pad_bodies: tuple[frozenset[str], frozenset[str]]
@@ -89,6 +91,7 @@ def hand_of(gripper: Gripper) -> Hand:
         drivers=np.array(gripper.driver_table),
         openings=np.array(gripper.opening_table),
         opening=gripper.opening,
+        narrowest=gripper.narrowest,
         link_names=tuple(link.name for link in gripper.links),
         pad_links=(first.link, second.link),
         pad_bodies=gripper.pad_bodies,

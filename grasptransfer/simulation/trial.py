@@ -117,7 +117,7 @@ class _Trial:
         if width is not None and width + 2 * LEAST_ROOM > widest:
             text = f"the object is {width * 1e3:.0f} mm wide here; the gripper opens {widest * 1e3:.0f} mm"
             raise _Ended(TrialStatus.TOO_WIDE, text)
-        least = self.world.hand.opening[0]
+        least = self.world.hand.narrowest
         if width is not None and width < least - LEAST_ROOM:
             text = f"the object is {width * 1e3:.0f} mm wide here; the gripper closes to {least * 1e3:.0f} mm"
             raise _Ended(TrialStatus.NO_CONTACT, text)

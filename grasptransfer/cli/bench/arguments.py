@@ -17,9 +17,7 @@ Views = Annotated[int, arg(help="of the 74 viewpoints, spread evenly.")]
 ViewsOfEach = Annotated[int, arg(help="of each object.")]
 Estimators = Annotated[
     tuple[str, ...],
-    arg(
-        help=f"gt (the truth), {', '.join(ESTIMATORS)}; none given: all but rgbd, with a wrong pose also but gt."
-    ),
+    arg(help=f"gt (the truth), {', '.join(ESTIMATORS)}; none given: all but rgbd, and gt with true poses."),
 ]
 Weights = Annotated[Path | None, arg(help="file for rgb instead of the shipped ones.")]
 Repeats = Annotated[int, arg(help="of each measurement; their median counts.")]

@@ -122,6 +122,17 @@ class Gripper:
         """How the pads stand at each opening [m]; a linkage moves them along z, a jaw turns them."""
         return self._pad_table.faces(openings)
 
+    @cached_property
+    def narrowest(self) -> float:
+        """Width of the thinnest object that both pads reach [m].
+
+        It is the smallest opening, less by how far the edges of tilted faces stand out.
+        """
+        low = self.opening[0]
+        slopes = np.abs(self.pad_faces(np.array([low])).slopes[0])
+        stand_out = sum(float(slope @ pad.size) / 2 for slope, pad in zip(slopes, self.pads, strict=True))
+        return max(low - stand_out, 0.0)
+
     @property
     def pads_turn(self) -> bool:
         """Whether the pads' faces are not always square to TCP x."""

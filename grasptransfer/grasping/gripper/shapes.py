@@ -1,5 +1,6 @@
 """Geometry of a URDF's links: primitives, and meshes cut into convex parts."""
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,11 +141,22 @@ def _load_mesh(geometry: Any, link: str, path: Path) -> "tuple[trimesh.Trimesh, 
     return mesh, found
 
 
+def _package_name(folder: Path) -> str | None:
+    """Name in the folder's `package.xml`, which need not be the folder's."""
+    path = folder / "package.xml"
+    found = (
+        re.search(r"<name>\s*([^<\s]+)\s*</name>", path.read_text(errors="replace"))
+        if path.is_file()
+        else None
+    )
+    return found.group(1) if found else None
+
+
 def _find(name: str, link: str, path: Path) -> Path:
     """The file that a URDF names.
 
-    `package://NAME/...` is looked for in every folder above the URDF that is called NAME, or has a folder
-    of that name: as `NAME/urdf/hand.urdf`, and as two packages side by side.
+    `package://NAME/...` is looked for in every folder above the URDF that is called NAME, by itself or in its
+    `package.xml`, or has a folder of that name: as `NAME/urdf/hand.urdf`, and as two packages side by side.
     """
     scheme, _, rest = name.rpartition("://")
     if scheme in ("", "file"):
@@ -152,7 +164,7 @@ def _find(name: str, link: str, path: Path) -> Path:
     else:
         package, *inner = Path(rest).parts or ("",)
         folders = [path.parent.resolve(), *path.parent.resolve().parents]
-        named = [folder for folder in folders if folder.name == package]
+        named = [folder for folder in folders if package in (folder.name, _package_name(folder))]
         named += [folder / package for folder in folders]
         # A copy of the package's files beside the URDF, without the folder of its name.
         candidates = [folder.joinpath(*inner) for folder in (*named, *folders[:3])]

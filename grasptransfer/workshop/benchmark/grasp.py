@@ -13,7 +13,7 @@ from jaxtyping import Float
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
-from grasptransfer.grasping import load_gripper
+from grasptransfer.grasping import PlacedGrasp, WarpedGrasp, load_gripper, placed_at
 from grasptransfer.perception.estimators import check_estimators
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import load_protocol, simulate
@@ -171,13 +171,15 @@ def execute(
     return Outcome(grasps, [reason == "HELD" for reason in reasons], reasons)
 
 
-def as_executed(grasps: Sequence, *, estimated_pose: np.ndarray, true_pose: np.ndarray) -> list:
-    """The grasps in the frame of the true object, `object_from_gripper` (4, 4) [m] of each replaced.
+def as_executed(
+    grasps: Sequence[TransferredGrasp | WarpedGrasp], *, estimated_pose: np.ndarray, true_pose: np.ndarray
+) -> list[PlacedGrasp]:
+    """The grasps in the frame of the true object.
 
     The robot moves to where it believes a grasp is in the camera; the object is at its true pose.
     """
     true_from_estimated = invert(true_pose) @ estimated_pose
-    return [replace(g, object_from_gripper=true_from_estimated @ g.object_from_gripper) for g in grasps]
+    return [placed_at(grasp, true_from_estimated @ grasp.object_from_gripper) for grasp in grasps]
 
 
 def _best_of_each_family(grasps: tuple[TransferredGrasp, ...]) -> list[TransferredGrasp]:
