@@ -36,7 +36,7 @@ ROOMS = [
     {"workshop.objects"},
     {"workshop.building"},
     {"workshop.training"},
-    {"workshop.benchmark", "workshop.demo_picture"},
+    {"workshop.benchmark", "workshop.demo_picture", "workshop.soak"},
     {"cli", "__init__", "__main__"},
 ]
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
