@@ -5,7 +5,6 @@ apart from those of its unit, which `check_size` judges by the longest side.
 """
 
 import json
-import struct
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,7 +28,6 @@ COMPRESSIONS = {
     "KHR_draco_mesh_compression": ("Draco", "DracoPy"),
     "EXT_meshopt_compression": ("meshoptimizer", None),
 }
-UNREADABLE = (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, ImportError, struct.error)
 
 
 @dataclass(frozen=True)
@@ -149,13 +147,26 @@ def read_scene(
         raise error(
             "cannot be read: its suffix names no mesh", path=path, key=key, choices=choices
         ) from cause
-    except UNREADABLE as cause:
+    except Exception as cause:  # The readers of a dozen formats raise whatever a broken file leads them to.
         raise error("cannot be read", path=path, key=key, fix=f"{type(cause).__name__}: {cause}") from cause
+    drawn = (trimesh.Trimesh, trimesh.PointCloud)
+    scene.delete_geometry([name for name, part in scene.geometry.items() if not isinstance(part, drawn)])
     for part in scene.geometry.values():
+        _check_corners(part, path, error, key)
         check_precision(
             np.asarray(getattr(part, "vertices", np.zeros((0, 3))), float), path, error=error, key=key
         )
     return scene
+
+
+def _check_corners(part: Any, path: Path, error: type[GraspTransferError], key: str | None) -> None:
+    """Refuse corners that are no points of space, and faces with corners that do not exist."""
+    if np.asarray(part.vertices).ndim != 2 or np.shape(part.vertices)[1] != 3:
+        raise error("has corners that are not x, y, z", path=path, key=key, value=np.shape(part.vertices))
+    faces, count = np.asarray(getattr(part, "faces", ())), len(part.vertices)
+    if faces.size and (faces.min() < 0 or faces.max() >= count):
+        wrong = int(faces.max() if faces.max() >= count else faces.min())
+        raise error("has a face with a corner that does not exist", path=path, key=key, value=wrong)
 
 
 def check_size(

@@ -22,11 +22,11 @@ from grasptransfer.grasping.formats.hand_of_file import choose_gripper
 from grasptransfer.grasping.gripper import Gripper
 
 if TYPE_CHECKING:
-    import h5py
+    pass
 
 TRANSFORMS = "grasps/transforms"
 FLAGS = "grasps/qualities/flex/object_in_gripper"
-GRIPPER, SCALE = "gripper/type", "object/scale"
+GRIPPER, SCALE, FILE = "gripper/type", "object/scale", "object/file"
 
 
 def read(path: Path, given: Gripper | None) -> GraspSet:
@@ -35,39 +35,45 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
     Args:
         given: gripper to read it for; None: the one that the file names.
     """
-    import h5py
-
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise GraspFileError("is not a readable HDF5 file", path=path, fix=str(error)) from error
-    with file:
-        if TRANSFORMS not in file:
-            raise GraspFileError("is missing", path=path, key=TRANSFORMS)
-        poses = rigid_poses(np.asarray(file[TRANSFORMS]), path, TRANSFORMS)
-        flags = np.asarray(file[FLAGS]) if FLAGS in file else np.ones(len(poses))
-        if flags.shape != (len(poses),):
-            raise GraspFileError(
-                f"must hold one flag for each of {len(poses)} grasps", path=path, key=FLAGS, value=flags.shape
-            )
-        name, scale = _text(file, "object/file"), _scale(file, path)
-        gripper = choose_gripper(given, _text(file, GRIPPER), path, GRIPPER)
+    fields = _fields(path)
+    if TRANSFORMS not in fields:
+        raise GraspFileError("is missing", path=path, key=TRANSFORMS)
+    poses = rigid_poses(fields[TRANSFORMS], path, TRANSFORMS)
+    flags = fields.get(FLAGS, np.ones(len(poses)))
+    if flags.shape != (len(poses),):
+        raise GraspFileError(
+            f"must hold one flag for each of {len(poses)} grasps", path=path, key=FLAGS, value=flags.shape
+        )
+    name, scale = _text(fields, FILE, path), _scale(fields, path)
+    gripper = choose_gripper(given, _text(fields, GRIPPER, path), path, GRIPPER)
     confidences = confidences_of(flags, path, FLAGS)
     grasps = numbered(poses @ base_from_tcp(gripper), confidences, [None] * len(poses))
     return GraspSet(grasps, OBJECT, name, scale, gripper)
 
 
-def _text(file: "h5py.File", key: str) -> str | None:
-    if key not in file:
+def _fields(path: Path) -> dict[str, np.ndarray]:
+    """The fields of a file that are read, as far as they are there."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            known = (TRANSFORMS, FLAGS, FILE, SCALE, GRIPPER)
+            return {key: np.asarray(file[key]) for key in known if key in file}
+    except Exception as error:  # HDF5 finds damage late, and says so by errors of many kinds.
+        raise GraspFileError("is not a readable HDF5 file", path=path, fix=str(error)) from error
+
+
+def _text(fields: dict[str, np.ndarray], key: str, path: Path) -> str | None:
+    if key not in fields:
         return None
-    value = np.asarray(file[key]).item()
-    return value.decode() if isinstance(value, bytes) else str(value)
+    if fields[key].size != 1:
+        raise GraspFileError("must be a single text", path=path, key=key, value=fields[key].shape)
+    value = fields[key].item()
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def _scale(file: "h5py.File", path: Path) -> float:
-    if SCALE not in file:
-        return 1.0
-    value = np.asarray(file[SCALE])
+def _scale(fields: dict[str, np.ndarray], path: Path) -> float:
+    value = fields.get(SCALE, np.ones(()))
     return scale_of(value.item() if value.size == 1 else value.tolist(), path, SCALE)
 
 

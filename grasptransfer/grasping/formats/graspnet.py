@@ -42,7 +42,7 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
     """
     try:
         rows = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except Exception as error:  # A broken header is parsed as Python text, which fails in many ways.
         raise GraspFileError("is not a readable npy array", path=path, fix=str(error)) from error
     if not isinstance(rows, np.ndarray) or rows.ndim != 2 or rows.shape[1] != COLUMNS:
         raise GraspFileError(
@@ -50,6 +50,8 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
         )
     if not len(rows):
         raise GraspFileError("holds no grasp", path=path)
+    if rows.dtype.kind not in "fiu" or not np.isfinite(rows).all():
+        raise GraspFileError("must hold finite numbers", path=path, value=rows.dtype)
     rows, gripper = _of_one_object(rows.astype(float), path), choose_gripper(given, None, path, "gripper")
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rows[:, 4:13].reshape(-1, 3, 3), rows[:, 13:16]

@@ -33,6 +33,7 @@ def carved_surface(points: Float[np.ndarray, "m 3"]) -> tuple[trimesh.Trimesh, f
     Raises:
         PointCloudError: the points lie in a plane.
     """
+    points = np.unique(points, axis=0)  # A point given twice says nothing of the spacing.
     try:
         delaunay = Delaunay(points)
     except QhullError as cause:

@@ -74,7 +74,7 @@ def run_soak(
 
 
 def soak_table(settings: SoakSettings, entries: Sequence[dict]) -> tuple[Table, int]:
-    """What was tried, refused, read, failed and lost, a row for each format; and how many failed or were lost."""
+    """What was tried and what became of it, a row for each format; and how many failed or were lost."""
     table = Table("format", *("tried", "refused", "read right", "failed", "lost"), "failures")
     bad = 0
     for kind in settings.chosen():

@@ -57,7 +57,10 @@ def _settings_files() -> list[Format]:
         (folder / "pose.yaml").write_text(yaml.safe_dump({"camera_from_object": POSE}))
 
     def bop(folder: Path) -> None:
-        entry = {"cam_R_m2c": sum((row[:3] for row in POSE[:3]), []), "cam_t_m2c": [10.0, 20.0, 600.0]}
+        entry = {
+            "cam_R_m2c": [number for row in POSE[:3] for number in row[:3]],
+            "cam_t_m2c": [10.0, 20.0, 600.0],
+        }
         (folder / "pose.json").write_text(json.dumps(entry | {"obj_id": 3}))
 
     def camera(folder: Path) -> None:
@@ -101,15 +104,12 @@ def _grasp_files() -> list[Format]:
         return read_grasps(path, gripper="panda")
 
     foreign = (
-        ("isaac_grasp", "isaac.yaml"),
-        ("GraspGen", "a.json"),
-        ("ACRONYM", "a.h5"),
-        ("graspnet", "a.npy"),
+        ("isaac_grasp", "isaac.yaml", True),
+        ("GraspGen", "a.json", True),
+        ("ACRONYM", "a.h5", False),
+        ("graspnet", "a.npy", False),
     )
-    kinds = [
-        Format(name, file, converted(file), read, text=file.endswith(("yaml", "json")))
-        for name, file in foreign
-    ]
+    kinds = [Format(name, file, converted(file), read, text) for name, file, text in foreign]
     return [Format("grasps.yaml", "grasps.yaml", own, lambda path: load_grasps(path, category="mug")), *kinds]
 
 
@@ -161,10 +161,7 @@ def _mesh_files() -> list[Format]:
         (folder / "a.pcd").write_bytes(content + np.asarray(ball.vertices, np.float32).tobytes())
 
     kinds = (("glb", False), ("obj", True), ("ply", False), ("stl", False), ("off", True))
-    meshes = [
-        Format(kind, f"a.{kind}", mesh(f"a.{kind}"), lambda path: load_mesh(path), text)
-        for kind, text in kinds
-    ]
+    meshes = [Format(kind, f"a.{kind}", mesh(f"a.{kind}"), load_mesh, text) for kind, text in kinds]
     clouds = [Format("xyz", "a.xyz", xyz, prepared), Format("pcd", "a.pcd", pcd, prepared, text=False)]
     return [*meshes, *clouds]
 
