@@ -11,7 +11,7 @@ WITHOUT_NETWORK := cpd cpd_input expectation field kernels latent_fit shape_spac
   collision formats frames grasps gripper refine warping simulation simulation_runs camera files
 LIGHT_TESTS := $(WITHOUT_NETWORK:%=tests/test_%.py)
 
-.PHONY: demo test lint test-pythons test-pythons-light test-package audit lock clean system
+.PHONY: demo test soak soak-short lint test-pythons test-pythons-light test-package audit lock clean system
 .SECONDARY:
 
 demo: .venv/ready system
@@ -21,6 +21,12 @@ test: .venv/ready system
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+
+# Damaged files of every format that is read: 20,000 each in hours (it goes on where it stopped), 300 each in CI.
+soak: .venv/ready
+	$(BIN)/python -m grasptransfer.workshop.soak --out runs/soak
+soak-short: .venv/ready
+	$(BIN)/python -m grasptransfer.workshop.soak --out $$(mktemp -d) --files 300
 
 lint: .venv/ready
 	$(BIN)/ruff check .

@@ -24,9 +24,9 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, UnidentifiedImageError
 
+from grasptransfer.data_files import read_array, read_data
 from grasptransfer.errors import CameraError
 from grasptransfer.exif import focal_length
-from grasptransfer.files import read_array, read_data
 from grasptransfer.picture_entries import entry_of
 
 LOG = logging.getLogger(__name__)
@@ -227,7 +227,7 @@ def _size(data: dict, path: Path) -> Size | None:
 
 
 def _whole(value: float, key: str, path: Path) -> int:
-    if value != int(value) or value <= 0:
+    if not np.isfinite(value) or value != int(value) or value <= 0:
         raise CameraError("must be a whole number of pixels", path=path, key=key, value=value)
     return int(value)
 
@@ -241,6 +241,8 @@ def _number(data: dict, key: str, path: Path, *, known: tuple[str, ...] | None =
         raise CameraError("is missing", path=path, key=key, choices=known)
     if isinstance(data[key], bool) or not isinstance(data[key], int | float):
         raise CameraError("must be a number", path=path, key=key, value=data[key])
+    if abs(data[key]) > LARGEST_NUMBER:
+        raise CameraError("is too large", path=path, key=key, value=data[key])
     return float(data[key])
 
 
@@ -277,6 +279,7 @@ DISTORTIONS = (
     "Distortion_Coefficients",
     "dist",
 )
+LARGEST_NUMBER = 1e9  # no focal length or side of a picture in pixels is larger
 SIZES = (
     ("width", "height"),
     ("image_width", "image_height"),

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.camera import Camera
+from grasptransfer.data_files import read_array, read_data
 from grasptransfer.errors import PoseError
-from grasptransfer.files import read_array, read_data
 from grasptransfer.frames import OPENGL_FROM_OPENCV, invert, rigid
 from grasptransfer.picture_entries import entry_of
 from grasptransfer.pose_formats import KEY, SIGMA, numbers_of, pose_of_mapping, pose_of_matrix

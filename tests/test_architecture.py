@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).parent.parent / "grasptransfer"
 ROOMS = [
     {"errors"},
     {"files"},
+    {"data_files"},
     {"frames"},
     {"yaml_models", "picture_entries", "exif"},
     {"fitted"},

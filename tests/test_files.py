@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from grasptransfer.data_files import read_array, read_data, read_yaml
 from grasptransfer.errors import PoseError, SettingsError
-from grasptransfer.files import content_key, read_array, read_data, replacing, sha256, write_whole
+from grasptransfer.files import content_key, replacing, sha256, write_whole
 
 
 def test_a_file_that_fails_half_way_leaves_the_old_one_and_nothing_else(tmp_path):
@@ -159,3 +160,23 @@ def test_a_path_counts_with_what_it_holds_and_not_with_where_it_is(tmp_path):
     changed = content_key(tmp_path / "there")
     (tmp_path / "here" / "sub" / "mesh.obj").rename(tmp_path / "here" / "sub" / "other.obj")
     assert len({key, changed, content_key(tmp_path / "here")}) == 3
+
+
+def test_yaml_that_would_take_minutes_is_refused_at_once(tmp_path):
+    long, loop = tmp_path / "long.yaml", tmp_path / "loop.yaml"
+    long.write_text("".join(f"key{number}: 1\n" for number in range(100_000)))
+    with pytest.raises(SettingsError, match="lines"):
+        read_yaml(long, error=SettingsError)
+    loop.write_text("a: &a [1, *a]\n")
+    with pytest.raises(SettingsError, match="alias"):
+        read_yaml(loop, error=SettingsError)
+
+
+def test_aliases_that_write_out_to_millions_are_refused(tmp_path):
+    levels = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
+    for level in range(1, 9):
+        levels += f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 10)}]\n"
+    path = tmp_path / "bomb.yaml"
+    path.write_text(levels)
+    with pytest.raises(SettingsError, match="aliases"):
+        read_yaml(path, error=SettingsError)

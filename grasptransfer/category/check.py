@@ -16,8 +16,8 @@ from grasptransfer.category.category import (
     load_category,
 )
 from grasptransfer.category.settings import FILE_NAME
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import GraspFileError, GraspTransferError
-from grasptransfer.files import read_yaml
 from grasptransfer.meshes import LARGEST, SMALLEST
 
 CENTRE_TOLERANCE = 2e-3  # m: scans are centred by hand to about a millimetre

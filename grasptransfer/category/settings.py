@@ -7,8 +7,9 @@ from typing import Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import CategoryError
-from grasptransfer.files import read_yaml, write_whole
+from grasptransfer.files import write_whole
 from grasptransfer.yaml_models import parse
 
 FILE_NAME = "category.yaml"

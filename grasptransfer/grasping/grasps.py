@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import GraspFileError
-from grasptransfer.files import read_yaml, replacing
+from grasptransfer.files import replacing
 from grasptransfer.grasping.grasp import Grasp, Symmetry, expand_symmetry
 from grasptransfer.grasping.grasp_entry import read_entry, write_entry
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper

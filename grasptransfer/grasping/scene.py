@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import PoseError, SceneError, in_millimetres
-from grasptransfer.files import read_yaml
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping.surface import LARGEST_EXTENT
 from grasptransfer.meshes import load_mesh

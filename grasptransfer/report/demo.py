@@ -5,8 +5,8 @@ from pathlib import Path
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import load_category
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import CategoryError
-from grasptransfer.files import read_yaml
 from grasptransfer.perception.estimate import Estimator
 from grasptransfer.poses import load_pose
 from grasptransfer.report.result_files import check_folder

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from grasptransfer.data_files import read_data
 from grasptransfer.errors import GraspFileError
-from grasptransfer.files import read_data, replacing
+from grasptransfer.files import replacing
 from grasptransfer.frames import invert
 from grasptransfer.grasping.formats.grasp_set import (
     OBJECT,

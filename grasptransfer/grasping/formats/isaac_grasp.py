@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field
 
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import GraspFileError, in_millimetres
-from grasptransfer.files import read_yaml, replacing
+from grasptransfer.files import replacing
 from grasptransfer.frames import invert, rigid
 from grasptransfer.grasping.formats.grasp_set import (
     CANONICAL,

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import GripperError, in_millimetres
-from grasptransfer.files import read_yaml
 from grasptransfer.yaml_models import RigidPose, Strict, check_unit_quaternion, parse
 
 LARGEST_PAD = 0.5  # m

@@ -4,8 +4,8 @@ import sys
 
 import tyro
 from rich.console import Console
+from rich.progress import Progress
 
-from grasptransfer.cli.progress import progress_bar
 from grasptransfer.errors import GraspTransferError
 from grasptransfer.workshop.soak.run import SoakSettings, run_soak, soak_table
 
@@ -14,7 +14,7 @@ def main() -> int:
     """Run it, print its table; 1 where something failed or was lost."""
     console = Console()
     settings = tyro.cli(SoakSettings, prog="python -m grasptransfer.workshop.soak")
-    with progress_bar(console) as bar:
+    with Progress(console=console) as bar:
         task = bar.add_task("", total=None)
         entries = run_soak(
             settings,

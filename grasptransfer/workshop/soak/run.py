@@ -58,6 +58,9 @@ def run_soak(
     settings.out.mkdir(parents=True, exist_ok=True)
     record = settings.out / RECORD
     entries = _read_record(record)
+    if record.is_file() and not record.read_text().endswith("\n"):
+        with record.open("a") as file:  # The last line was cut off; what follows starts a line of its own.
+            file.write("\n")
     done = {(entry["format"], entry["first"]) for entry in entries}
     last = settings.first_seed + settings.files
     for kind in settings.chosen():

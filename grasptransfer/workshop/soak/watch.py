@@ -71,9 +71,7 @@ class Watched:
         try:
             return self._pipe.recv()
         except EOFError:
-            self._process.join()
-            code = self._process.exitcode
-            self._end()
+            code = self._end()
             return Try("crash", f"the process ended with code {code}")
 
     def _start(self) -> None:
@@ -86,13 +84,18 @@ class Watched:
             raise RuntimeError(f"the process that reads {self.format_name} did not start")
         self._pipe.recv()
 
-    def _end(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
+    def _end(self) -> int | None:
+        """End the child, if it has not ended by itself; its exit code."""
+        code, process = None, self._process
+        if process is not None:
+            process.join(0.5)  # One that crashed is given the time to tell its code.
+            process.kill()
+            process.join()
+            code = process.exitcode
         if self._pipe is not None:
             self._pipe.close()
         self._process = self._pipe = None
+        return code
 
 
 def damaged_file(kind: Format, seed: int, folder: Path) -> Path:
