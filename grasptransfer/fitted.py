@@ -17,8 +17,9 @@ from pathlib import Path
 import yaml
 from pydantic import Field
 
+from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import GraspTransferError
-from grasptransfer.files import read_yaml, write_whole
+from grasptransfer.files import write_whole
 from grasptransfer.yaml_models import Strict, parse
 
 
