@@ -7,10 +7,9 @@ their product over the draws. One model of everything would let a firm grip make
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck
 from grasptransfer.grasping.features import features_around
@@ -18,7 +17,6 @@ from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.success_model import FEATURES, Features, Ranking, expected_success
 from grasptransfer.grasping.warping import WarpedGrasp
-
 
 _UNMOVED = np.zeros((1, 3))
 
