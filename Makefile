@@ -8,7 +8,8 @@ export OMP_NUM_THREADS ?= 1
 
 # What a Python without PyTorch can run; tests in these files that need a network are marked `network`.
 WITHOUT_NETWORK := cpd cpd_input expectation field kernels latent_fit shape_space storage \
-  collision formats frames grasps gripper refine warping simulation simulation_runs camera files
+  collision engines files formats frames grasps gripper gripper_urdf meshes poses refine simulation \
+  solids warping camera
 LIGHT_TESTS := $(WITHOUT_NETWORK:%=tests/test_%.py)
 
 .PHONY: demo test soak soak-short lint test-pythons test-pythons-light test-package audit lock clean system

@@ -214,11 +214,11 @@ def _example(annotation: Any) -> str | None:
         return SCALARS[annotation]
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         wanted = {name: field for name, field in annotation.model_fields.items() if field.is_required()}
-        shown = {
+        examples = {
             field.alias or name: field.examples[0] if field.examples else _example(field.annotation)
             for name, field in wanted.items()
         }
-        return "{" + ", ".join(f"{name}: {value}" for name, value in shown.items()) + "}"
+        return "{" + ", ".join(f"{name}: {value}" for name, value in examples.items()) + "}"
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Literal:
         return str(inner[0])

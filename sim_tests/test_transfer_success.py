@@ -1,5 +1,6 @@
 """Grasps transferred from one picture are executed on the true mesh, through the public API."""
 
+import numpy as np
 import pytest
 import yaml
 
@@ -14,8 +15,6 @@ def mug():
 
 
 def test_a_grasp_far_beside_the_object_finds_nothing(mug):
-    import numpy as np
-
     beside = np.eye(4)
     beside[:3, 3] = [0.5, 0.5, 0.0]
     (trial,) = gt.simulate([beside], mug.canonical, "panda")

@@ -24,7 +24,7 @@ def joint(name, parent, child, *, kind="prismatic", axis="0 1 0", at="0 0 0.05",
     )
 
 
-def mimic(leader, ratio=1, offset=0):
+def mimic(leader, ratio: float = 1, offset: float = 0):
     return f'<mimic joint="{leader}" multiplier="{ratio}" offset="{offset}"/>'
 
 

@@ -231,7 +231,9 @@ def test_a_file_is_read_for_the_gripper_that_it_names(tmp_path):
         assert read_grasps(path).gripper.name == "wsg50"
         assert convert(path, tmp_path / "out.h5") == 4
         with h5py.File(tmp_path / "out.h5") as file:
-            assert file["gripper/type"][()] == b"wsg50"
+            kind = file["gripper/type"]
+            assert isinstance(kind, h5py.Dataset)
+            assert kind[()] == b"wsg50"
         for name in ("panda", "robotiq_2f85"):
             with pytest.raises(GraspFileError, match=f"another gripper than {name}.*wsg50"):
                 read_grasps(path, gripper=name)

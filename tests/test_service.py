@@ -43,7 +43,9 @@ def address():
 
 
 def asked(service: Service, **request) -> dict:
-    return msgpack.unpackb(service.answer(msgpack.packb(request)))
+    message = msgpack.packb(request)
+    assert message is not None
+    return msgpack.unpackb(service.answer(message))
 
 
 def test_a_client_in_another_process_gets_the_grasps_that_the_library_gives(address, seen):

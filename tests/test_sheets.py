@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from grasptransfer.drawing.contact_sheet import GROUND, contact_sheet, portrait
 from grasptransfer.drawing.rendering import Renderer
@@ -31,9 +33,9 @@ def test_every_cell_shows_its_shape_on_the_ground_colour():
 
 def test_a_portrait_shows_the_texture_on_its_ground_and_is_the_same_each_time():
     texture = Image.new("RGB", (4, 4), (200, 30, 30))
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=texture)
+    material = PBRMaterial(baseColorTexture=texture)
     box = trimesh.creation.box((0.1, 0.1, 0.1))
-    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
+    box.visual = TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
     with Renderer() as renderer:
         image, again = (portrait(box, renderer, 40, ground=WHITE) for _ in range(2))
     assert (image[0, 0] == 255).all()

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -41,7 +42,8 @@ def own_cache(tmp_path_factory):
 def engine(request):
     """Each of the engines; one that cannot be installed here is no engine of this machine."""
     if request.param not in installed_engines():
-        assert request.param == "pybullet"  # which has no wheels from Python 3.12 on
+        assert request.param == "pybullet"
+        assert sys.version_info >= (3, 12)
         pytest.skip("PyBullet has no wheels for this Python")
     return request.param
 
@@ -128,18 +130,14 @@ def test_each_failure_has_its_reason(engine):
         (wide, Placed("wide", from_the_side(), width=0.09), TrialStatus.TOO_WIDE, "pre-check"),
         (wide, Placed("wide", from_the_side(), opening=0.08), TrialStatus.TOO_WIDE, "pre-check"),
     ]
-    hook = trimesh.util.concatenate(
-        [
-            BOX,
-            trimesh.creation.box([0.2, 0.05, 0.01], trimesh.transformations.translation_matrix([0, 0, 0.1])),
-        ]
-    )
+    roof = trimesh.creation.box([0.2, 0.05, 0.01], trimesh.transformations.translation_matrix([0, 0, 0.1]))
+    hook = BOX + roof
     cases.append(
         (hook, Placed("under", from_above(z=0.02), width=0.04), TrialStatus.IN_COLLISION, "pre-check")
     )
     away = Placed("below the roof", from_the_side(), width=0.04, approach_distance=0.3)
     wall = trimesh.creation.box([0.2, 0.01, 0.2], trimesh.transformations.translation_matrix([0, -0.3, 0]))
-    cases.append((trimesh.util.concatenate([BOX, wall]), away, TrialStatus.BLOCKED_APPROACH, "approach"))
+    cases.append((BOX + wall, away, TrialStatus.BLOCKED_APPROACH, "approach"))
     for mesh, grasp, status, phase in cases:
         (result,) = simulate([grasp], mesh, engine=engine)
         assert (result.status, result.phase) == (status, phase), result

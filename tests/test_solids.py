@@ -11,7 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from grasptransfer.solids.decomposition import decompose
 
-together = trimesh.util.concatenate
+
+def together(parts) -> trimesh.Trimesh:
+    whole = trimesh.util.concatenate(parts)
+    assert isinstance(whole, trimesh.Trimesh)
+    return whole
 
 
 @pytest.fixture(autouse=True)

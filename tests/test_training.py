@@ -20,6 +20,7 @@ from grasptransfer.perception.networks import Prediction, build_network
 from grasptransfer.perception.networks.ensemble import Ensemble
 from grasptransfer.perception.networks.picture_features import load_picture_features
 from grasptransfer.perception.weights import WeightsInfo, load_weights, save_weights, trained_on
+from grasptransfer.registration import DisplacementModel
 from grasptransfer.workshop.training import dataset as dataset_module
 from grasptransfer.workshop.training import model_card
 from grasptransfer.workshop.training import training as training_module
@@ -117,7 +118,8 @@ def test_true_motion_of_an_unmoved_canonical_is_zero():
     still = dataclasses.replace(
         shape, scene=canonical.mesh, vertices=rest, move=lambda p, f: (p, np.ones(len(p), bool))
     )
-    unmoved = dataclasses.replace(canonical, model=tuple(0 * part for part in canonical.model))
+    model = DisplacementModel(0 * canonical.model.mean, 0 * canonical.model.basis)
+    unmoved = dataclasses.replace(canonical, model=model)
     with Renderer() as renderer:
         sample = render_sample(still, unmoved, rng, renderer=renderer, noise=NO_NOISE)
     assert sample is not None
