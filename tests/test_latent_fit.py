@@ -70,7 +70,8 @@ LATENTS = [np.zeros(3), np.array([1.5, -1.0, 0.5]), np.array([-1.0, 1.5, 1.0])]
 @pytest.mark.parametrize("latent", LATENTS)
 def test_a_full_cloud_gives_its_shape_back(space, latent):
     truth = dense(space, latent)
-    fit = latent_fit(space, truth, model_points=cup(1500, 9))
+    # Nearest points jump from step to step: one of these takes SciPy 1.15 54 steps, and 1.17 twelve.
+    fit = latent_fit(space, truth, model_points=cup(1500, 9), max_iterations=100)
     assert fit.status is LatentFitStatus.CONVERGED
     # The model's points are 4 mm apart, the cloud's others.
     assert error(fit, space, truth) < 0.001
