@@ -21,6 +21,8 @@ def test_a_grasp_transfer_gives_the_same_answer_in_every_thread():
     with ThreadPoolExecutor(3) as pool:
         results = [*pool.map(transferred, range(4)), transferred(0)]
     for result in results:
+        assert result.latent is not None
+        assert first.latent is not None
         np.testing.assert_allclose(result.latent, first.latent, atol=1e-6)
         assert [grasp.name for grasp in result.grasps] == [grasp.name for grasp in first.grasps]
         assert [grasp.status for grasp in result.grasps] == [grasp.status for grasp in first.grasps]
