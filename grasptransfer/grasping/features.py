@@ -33,7 +33,7 @@ def features_around(
     plausible: PlausibleObjects,
     shifts: Float[np.ndarray, "c 3"],
 ) -> Float[np.ndarray, "c s 4"]:
-    """`success_model.FEATURES` of a grasp shifted in each of these ways, in each draw; NaN where a pad meets nothing.
+    """`success_model.FEATURES` of a grasp after each shift, in each draw; NaN where a pad meets nothing.
 
     Args:
         opening: of the gripper on the way in [m].
