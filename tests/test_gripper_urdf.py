@@ -5,7 +5,7 @@ import logging
 import numpy as np
 import pytest
 import trimesh
-from gripper_files import FINGERS, box, joint, link, mimic, write_gripper
+from gripper_files import FINGERS, PALM, box, joint, link, mimic, write_gripper
 
 from grasptransfer.errors import GripperError
 from grasptransfer.grasping import CheckStatus, check_grasps, on_canonical
@@ -87,6 +87,13 @@ def test_a_joint_of_ratio_0_stands_still_at_its_offset(tmp_path):
     assert gripper.joint_positions(0.01)["spin"] == gripper.joint_positions(0.05)["spin"] == 0.5
 
 
+def test_mimic_of_a_joint_elsewhere_is_told_where_the_motion_is_missing(tmp_path):
+    right = joint("right_slide", "palm", "right", axis="0 -1 0", more=mimic("arm_joint"))
+    message = refused(write_gripper(tmp_path, right=right))
+    assert "right_slide: moves below the base link and must be listed" in message
+    assert "It follows arm_joint, which does not move below the base link" in message
+
+
 # Limits
 
 
@@ -127,6 +134,22 @@ def test_a_xacro_file_is_to_be_expanded_first(tmp_path):
     assert "Expand it first: xacro own.urdf" in refused(path)
 
 
+@pytest.mark.parametrize(("root", "kind"), [("sdf", "SDF"), ("mujoco", "MJCF")])
+def test_another_description_of_robots_is_named(tmp_path, root, kind):
+    path = write_gripper(tmp_path)
+    (tmp_path / "own.urdf").write_text(f'<?xml version="1.0"?><!-- <robot> --><{root} version="1"></{root}>')
+    assert f"is a {kind} file, not a URDF" in refused(path)
+
+
+@pytest.mark.parametrize("mass", ["nan", "-1"])
+def test_a_mass_that_no_body_has_is_refused(tmp_path, mass):
+    moments = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    palm = PALM.replace("<collision>", f'<inertial><mass value="{mass}"/>{moments}</inertial><collision>', 1)
+    assert "palm: its mass and moments of inertia must be finite" in refused(
+        write_gripper(tmp_path, palm=palm)
+    )
+
+
 def test_a_link_with_two_parents_is_named(tmp_path):
     message = refused(write_gripper(tmp_path, more=joint("again", "left", "right")))
     assert "its child right has two parents" in message
@@ -138,11 +161,15 @@ PACKAGE_MESH = (
 )
 
 
-@pytest.mark.parametrize("urdf_folder", ["hands/grippers/two/urdf", "bringup/urdf"])
-def test_a_package_is_found_above_the_urdf_or_beside_its_own(tmp_path, urdf_folder):
-    folder, meshes = tmp_path / urdf_folder, tmp_path / "hands" / "meshes"
+@pytest.mark.parametrize(
+    ("package", "urdf_folder"),
+    [("hands", "hands/grippers/two/urdf"), ("hands", "bringup/urdf"), ("clone", "clone/urdf")],
+)
+def test_a_package_is_found_above_the_urdf_or_beside_its_own(tmp_path, package, urdf_folder):
+    folder, meshes = tmp_path / urdf_folder, tmp_path / package / "meshes"
     for each in (folder, meshes):
         each.mkdir(parents=True)
+    (tmp_path / package / "package.xml").write_text("<package><name>hands</name></package>")
     trimesh.creation.box(extents=(40, 90, 50)).export(meshes / "palm.obj")
     gripper = load_gripper(write_gripper(folder, palm=link("palm", PACKAGE_MESH)))
     np.testing.assert_allclose(gripper.links[0].collision.extents, [0.04, 0.09, 0.05], atol=1e-9)
@@ -223,6 +250,11 @@ def test_pads_before_their_fingers_are_noticed(tmp_path):
 def test_pads_that_miss_each_other_are_refused_with_by_how_much(tmp_path):
     lower = [("left, centre: [0, 0, 0.07]", "left, centre: [0, 0, 0.03]")]
     assert "miss each other by 40 mm along TCP z" in refused(write_gripper(tmp_path, replace=lower))
+
+
+def test_an_approach_that_points_into_the_palm_is_refused(tmp_path):
+    reversed_ = [("{w: 0.70710678, xyz: [0, 0, 0.70710678]}", "{w: 0, xyz: [0.70710678, 0.70710678, 0]}")]
+    assert "beyond the pads along TCP z" in refused(write_gripper(tmp_path, replace=reversed_))
 
 
 def one_jaw(folder):

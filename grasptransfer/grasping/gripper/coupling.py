@@ -62,8 +62,9 @@ def couple(
     for name, (leader, _, _) in leaders.items():
         groups.setdefault(leader, []).append(name)
     found: dict[str, tuple[float, float]] = {}
-    for leader, members in groups.items():
-        ratio, offset = _of_leader(leader, members, given, leaders, path, alone=len(groups) == 1)
+    # First those whose <mimic> names a joint elsewhere: where nothing tells their motion, that is why.
+    for leader, members in sorted(groups.items(), key=lambda group: moving[group[0]].mimic is None):
+        ratio, offset = _of_leader(leader, members, given, leaders, moving, path)
         for name in members:
             _, times, plus = leaders[name]
             found[name] = _agreed(name, times * ratio, times * offset + plus, given.get(name), path)
@@ -95,18 +96,17 @@ def _of_leader(
     members: list[str],
     given: Mapping[str, JointModel],
     leaders: Mapping[str, tuple[str, float, float]],
+    moving: Mapping[str, Joint],
     path: Path,
-    *,
-    alone: bool,
 ) -> tuple[float, float]:
     """Ratio and offset of a joint that follows no other, from whichever of its followers the YAML gives."""
     listed = [name for name in given if name in members]
-    if not listed and not alone:
+    if not listed and len(members) < len(leaders):
         raise GripperError(
             "moves below the base link and must be listed, with its ratio to the driver",
             path=path,
             key=f"joints.{leader}",
-            fix="A ratio of 0 is for a joint that stands still",
+            fix=_why_not_told(moving[leader]) + "A ratio of 0 is for a joint that stands still",
         )
     if not listed:
         return 1.0, 0.0
@@ -116,6 +116,12 @@ def _of_leader(
         raise GripperError("its <mimic> has multiplier 0: it cannot drive", path=path, key=f"joints.{name}")
     ratio, offset = given[name].ratio, given[name].offset
     return (times if ratio is None else ratio) / times, 0.0 if offset is None else (offset - plus) / times
+
+
+def _why_not_told(joint: Joint) -> str:
+    if joint.mimic is None:
+        return ""
+    return f"It follows {joint.mimic.joint}, which does not move below the base link. "
 
 
 def _agreed(

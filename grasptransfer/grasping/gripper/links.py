@@ -1,6 +1,7 @@
 """Links of a URDF at and below a base link: their geometry and their kinematic chains."""
 
 import logging
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 MOVING = ("prismatic", "revolute", "continuous")
+OTHER_ROOTS = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "COLLADA", "robotModel": "MoveIt"}
 
 
 @dataclass(frozen=True)
@@ -133,16 +135,19 @@ def _read(path: Path) -> Any:
 
     if not path.is_file():
         raise GripperError("the URDF does not exist", path=path)
-    _refuse_xacro(path)
+    _check_kind(path)
     try:
         return URDF.load(str(path), load_meshes=False, build_scene_graph=False).robot
-    except (ValueError, SyntaxError, KeyError, TypeError, AttributeError, OSError) as error:
+    except (ValueError, SyntaxError, KeyError, TypeError, AttributeError, IndexError, OSError) as error:
         raise GripperError(f"is not a readable URDF: {error}", path=path) from error
 
 
-def _refuse_xacro(path: Path) -> None:
-    """A xacro file reads as a URDF with hardly anything in it."""
+def _check_kind(path: Path) -> None:
+    """Refuse other descriptions of robots: a xacro file would read as a URDF with hardly anything in it."""
     text = path.read_text(encoding="utf-8", errors="replace")
+    root = re.search(r"<([A-Za-z_][\w:.-]*)", re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL))
+    if root is not None and root.group(1) in OTHER_ROOTS:
+        raise GripperError(f"is a {OTHER_ROOTS[root.group(1)]} file, not a URDF", path=path)
     if "<xacro:" in text:
         raise GripperError(
             "is a xacro file, not a URDF",
@@ -199,11 +204,24 @@ def _mimic(joint: Any, path: Path) -> Mimic | None:
 def _link(
     link: Any, chain: tuple[Joint, ...], path: Path, *, collides: bool, solid_visual: bool
 ) -> FingerLink:
+    _check_mass(link, path)
     solid = link.collisions or (link.visuals if solid_visual else ())
     shapes = tuple(s for part in solid for s in solid_shapes(part, link.name, path)) if collides else ()
     collision = together([s.mesh for s in shapes], [s.link_from_shape for s in shapes]) if shapes else None
     visual = _visual(link, path)
     return FingerLink(link.name, chain, shapes, collision, collision if visual is None else visual)
+
+
+def _check_mass(link: Any, path: Path) -> None:
+    """Refuse masses and moments that no body has; 0 is what exporters write for a frame."""
+    inertial = link.inertial
+    if inertial is None:
+        return
+    mass = 0.0 if inertial.mass is None else float(inertial.mass)
+    moments = np.zeros((3, 3)) if inertial.inertia is None else np.asarray(inertial.inertia, dtype=float)
+    if not (np.isfinite(mass) and mass >= 0 and np.isfinite(moments).all() and (np.diag(moments) >= 0).all()):
+        text = "its mass and moments of inertia must be finite and not negative"
+        raise GripperError(text, path=path, key=link.name, value=mass)
 
 
 def _visual(link: Any, path: Path) -> "trimesh.Trimesh | None":

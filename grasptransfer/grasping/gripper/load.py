@@ -107,6 +107,7 @@ def _read(path: Path) -> Gripper:
         driver_table=drivers,
         opening_table=openings,
     )
+    _check_approach(gripper)
     _check_geometry(gripper)
     return gripper
 
@@ -138,7 +139,7 @@ def _opening_table(
         return (drivers[::-1].copy(), openings[::-1]) if openings[0] > openings[-1] else (drivers, openings)
 
     drivers, openings = table(*driver_range(joints, urdf_path))
-    if openings.max() <= 0 or np.ptp(openings) < 1e-9:
+    if openings.max() <= 0 or np.ptp(openings) < 1e-6:
         raise GripperError(
             "pads do not move apart along TCP x when the driver moves",
             path=path,
@@ -200,6 +201,23 @@ def _pads(
             normal = np.array(pad.normal) / np.linalg.norm(pad.normal)
         pads.append(Pad(pad.link, centre, pad.size, normal))
     return pads[0], pads[1]
+
+
+def _check_approach(gripper: Gripper) -> None:
+    """Refuse a TCP whose approach points from the object into the palm."""
+    palm = gripper.link_meshes(gripper.max_width, visual=True).get(gripper.base_link)
+    beyond = (
+        0.0
+        if palm is None
+        else float(palm.bounds.mean(axis=0)[2] - gripper.pad_centres(gripper.max_width)[:, 2].mean())
+    )
+    if beyond > 0:
+        raise GripperError(
+            f"the base is {1e3 * beyond:.0f} mm beyond the pads along TCP z, which must point away from it",
+            path=gripper.path,
+            key="base_from_tcp.orientation",
+            fix="Turn the TCP: +z is the approach, from the palm to the object",
+        )
 
 
 def _check_geometry(gripper: Gripper) -> None:

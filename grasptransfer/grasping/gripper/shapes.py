@@ -109,7 +109,7 @@ def _primitive(geometry: Any, link_from_shape: Float[np.ndarray, "4 4"], link: s
         (radius,) = size = _lengths((geometry.sphere.radius,), link, path)
         mesh = trimesh.creation.icosphere(subdivisions=2, radius=radius)
         return Shape("sphere", size, link_from_shape, mesh)
-    raise GripperError("geometry is not supported", path=path, key=link, choices=KINDS)
+    raise GripperError("geometry is empty or not supported", path=path, key=link, choices=KINDS)
 
 
 def _lengths(values: Any, link: str, path: Path) -> tuple[float, ...]:
