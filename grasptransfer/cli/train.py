@@ -59,7 +59,7 @@ def train(
     """
     from grasptransfer.category import list_categories, load_category
     from grasptransfer.perception.device import choose_device
-    from grasptransfer.perception.precision import choose_precision
+    from grasptransfer.perception.precision import training_precision
     from grasptransfer.workshop.training.model_card import default_output
     from grasptransfer.workshop.training.training import TrainingConfig
 
@@ -81,7 +81,7 @@ def train(
     _check_numbers(config, workers)
     _check_places(run, output)
     device = choose_device(device)
-    arithmetic = {"device": device, "precision": choose_precision(precision, device)}
+    arithmetic = {"device": device, "precision": training_precision(precision, device)}
     _train_with_progress(config, output, run, arithmetic, workers)
     return 0
 

@@ -62,7 +62,7 @@ def transfer(
         refine_pose: fit the pose together with the shape.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.
-        precision: auto, float32 or bfloat16; auto: as the processor has instructions for.
+        precision: auto (float32), float32 or bfloat16, of networks.
         seed: of everything random.
     """
     from grasptransfer.report.transfer_files import run_transfer

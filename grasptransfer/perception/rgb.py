@@ -36,7 +36,7 @@ from grasptransfer.perception.pose_and_shape import (
     PoseAndShape,
     fit_pose_and_shape,
 )
-from grasptransfer.perception.precision import arithmetic, choose_precision
+from grasptransfer.perception.precision import answer_precision, arithmetic
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
@@ -100,7 +100,7 @@ class RgbEstimator:
         check_trained_on(info, category, path)
         self._number = list(info.categories).index(category.name)
         self.device = torch.device(choose_device(device))
-        self.precision = choose_precision(precision, self.device.type)
+        self.precision = answer_precision(precision)
         channels_last(self.network, self.device)
 
     def __call__(self, observation: Observation) -> ShapeEstimate:

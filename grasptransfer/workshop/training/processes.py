@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import torch
 
-from grasptransfer.perception.precision import choose_precision
+from grasptransfer.perception.precision import training_precision
 
 LONGEST_RENDERING = timedelta(days=2)  # for which the other processes wait for the first one
 
@@ -41,4 +41,4 @@ def join_processes(device: str, precision: str = "auto") -> Place:
     if world > 1 and not torch.distributed.is_initialized():
         backend = "nccl" if device == "cuda" else "gloo"
         torch.distributed.init_process_group(backend, timeout=LONGEST_RENDERING)
-    return Place(rank, world, own, choose_precision(precision, device))
+    return Place(rank, world, own, training_precision(precision, device))
