@@ -100,6 +100,17 @@ def test_a_body_that_is_there_twice_counts_once(way):
     assert len(found.parts) == 1
 
 
+@pytest.mark.parametrize("way", [as_written, corners_merged, triangle_soup])
+def test_a_body_whose_faces_are_seen_from_both_sides_counts_once(way):
+    (box,) = blocks((0, 0, 0))
+    other = box.copy()
+    other.invert()
+    found = decompose(way([box, other]))
+    assert found.watertight
+    assert found.volume == pytest.approx(30e-6, rel=1e-9)
+    assert len(found.parts) == 1
+
+
 def test_a_decomposition_and_its_original_in_one_file_weigh_what_the_original_weighs():
     (whole,) = blocks((0, 0, 0.5), size=(0.03, 0.02, 0.1))
     halves = blocks((0, 0, 0.5), (0, 0, 1.5))

@@ -184,6 +184,8 @@ def _with_cavities(surfaces: "list[manifold3d.Manifold]") -> "list[manifold3d.Ma
     if not solids:  # the whole mesh is inside out
         return inverted
     for hole in inverted:
+        if any(_same(hole, solid) for solid in solids):
+            continue  # two-sided: the same faces once from outside and once from inside
         # A surface turned inwards bounds a cavity if something is around it, and else is just inside out.
         around = [i for i, solid in enumerate(solids) if (hole - solid).volume() < 0.5 * hole.volume()]
         if not around:
@@ -191,6 +193,12 @@ def _with_cavities(surfaces: "list[manifold3d.Manifold]") -> "list[manifold3d.Ma
         for i in around:
             solids[i] = solids[i] - hole
     return solids
+
+
+def _same(one: "manifold3d.Manifold", other: "manifold3d.Manifold") -> bool:
+    smallest = 1e-6 * one.volume()
+    alike = abs(one.volume() - other.volume()) < smallest
+    return alike and (one - other).volume() < smallest
 
 
 def _manifold(
