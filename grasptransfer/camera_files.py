@@ -108,20 +108,16 @@ def _nerf(data: dict, path: Path) -> Intrinsics:
     return Intrinsics(_matrix(fx, fy, cx - 0.5, cy - 0.5), size, "transforms.json")
 
 
-def _kalibr(data: dict, path: Path) -> Intrinsics:
-    values = _numbers(data["intrinsics"], "intrinsics", path)
-    if values.shape != (4,):
-        fix = "A pinhole camera without further parameters has fx, fy, cx, cy"
-        raise CameraError("must hold 4 numbers", path=path, key="intrinsics", value=values.shape, fix=fix)
-    return Intrinsics(_matrix(*values), _size(data, path), "Kalibr's camchain")
-
-
 def _with_matrix(data: dict, path: Path) -> Intrinsics:
     key = next(key for key in MATRICES if key in data)
     value = data[key]
+    if isinstance(value, dict) and {"fx", "fy"} <= value.keys():
+        return _ours(data | value, path)
     if isinstance(value, dict):  # rows, cols, data: ROS calibration files and OpenCV's
         value = value.get("data")
     array = _numbers(value, key, path, kind="9 numbers")
+    if array.shape == (4,):
+        return Intrinsics(_matrix(*array), _size(data, path), f"Kalibr's {key}: fx, fy, cx, cy")
     if array.size and not array.any():
         fix = "The driver has no calibration: calibrate the camera"
         raise CameraError("holds zeros only", path=path, key=key, fix=fix)
@@ -265,6 +261,9 @@ MATRICES = (
     "Camera_Matrix",
     "intrinsic_matrix",
     "mtx",
+    "intrinsics",
+    "intrinsic",
+    "camera_intrinsics",
     "P",
     "p",
     "projection_matrix",
@@ -290,5 +289,4 @@ READERS: dict[tuple[str, ...], Callable[[dict, Path], Intrinsics]] = {
     ("fx", "fy"): _ours,
     ("fl_x", "camera_angle_x"): _nerf,
     MATRICES: _with_matrix,
-    ("intrinsics",): _kalibr,
 }

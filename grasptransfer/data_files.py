@@ -154,6 +154,8 @@ def _pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _parse_yaml(text: str, path: str | Path, error: type[GraspTransferError]) -> Any:
     if text.count("\n") > MOST_LINES or len(text) > MOST_CHARACTERS:
         raise error(f"is longer than {MOST_LINES:,} lines, which YAML takes too long to read", path=path)
+    if text.lstrip().startswith("<"):
+        raise error("is XML, which is not read", path=path, fix="Save it as YAML or JSON")
     if text.startswith("%YAML:"):  # OpenCV's cv::FileStorage writes a directive that YAML does not know
         text = "#" + text
     try:

@@ -306,15 +306,17 @@ def test_grasps_in_a_camera_s_frame_need_the_object_s_pose(tmp_path):
         write_grasps(GraspSet(seen, "camera"), tmp_path / f"seen{suffix}") for suffix in (".npy", ".yaml")
     ]
     for path in paths:
-        assert read_grasps(path).in_camera_frame
-        with pytest.raises(GraspFileError, match=r"camera's frame.*--pose"):
+        assert read_grasps(path).in_other_frame
+        with pytest.raises(GraspFileError, match=r"camera's or the world's frame.*--pose"):
             convert(path, tmp_path / "out.json")
-        with pytest.raises(GraspFileError, match=r"camera's frame.*--pose"):
+        with pytest.raises(GraspFileError, match=r"camera's or the world's frame.*--pose"):
             run_simulation(path, write_box(tmp_path))
         convert(path, tmp_path / "out.json", camera_from_object=camera_from_object)
         for one, other in zip(before.grasps, read_grasps(tmp_path / "out.json").grasps, strict=True):
             np.testing.assert_allclose(one.object_from_gripper, other.object_from_gripper, atol=1e-8)
-    with pytest.raises(GraspFileError, match="belongs to grasps in a camera"):
+    for name, other in (("world", True), ("/World/camera", False), ("camera_optical_frame", True)):
+        assert read_grasps(isaac(tmp_path, object_frame_link=name)).in_other_frame == other
+    with pytest.raises(GraspFileError, match="is for grasps in a camera"):
         convert(tmp_path / "out.json", tmp_path / "b.json", camera_from_object=camera_from_object)
 
 

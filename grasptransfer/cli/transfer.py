@@ -51,9 +51,10 @@ def transfer(
     Args:
         image: RGB picture.
         category: name or folder of the category.
-        pose: YAML with camera_from_object (4x4, OpenCV, metres), or BOP's cam_R_m2c and cam_t_m2c (mm).
+        pose: YAML with camera_from_object (4x4, OpenCV, metres); also of BOP, ROS, MegaPose, and 4x4 text.
         out: folder for report.html, grasps.yaml and reconstruction.glb.
-        camera: YAML with fx fy cx cy width height, or BOP's cam_K; without it 60 degrees are assumed.
+        camera: YAML with fx fy cx cy width height; also camera_info, calibrations, 3x3 text; without it the
+            photograph's EXIF data count, else 60 degrees are assumed.
         gripper: name, or YAML of your own.
         scene: YAML with obstacles and a support plane.
         mask: picture that is white on the object.

@@ -23,6 +23,7 @@ from grasptransfer.grasping.placed_grasp import PlacedGrasp
 
 LOG = logging.getLogger(__name__)
 OBJECT, CAMERA, CANONICAL = "object", "camera", "canonical"
+WORLDS = ("world", "map", "odom", "base", "base_link", "robot")  # frames that are no object's
 
 
 @dataclass(frozen=True)
@@ -51,28 +52,32 @@ class GraspSet:
             raise GraspFileError("must be above 0", key="object_scale", value=self.object_scale)
 
     @property
-    def in_camera_frame(self) -> bool:
-        """Whether the poses belong to a picture, and to a mesh only by the object's pose in it."""
-        return CAMERA in self.object_frame.lower()
+    def in_other_frame(self) -> bool:
+        """Whether the poses are a camera's or the world's, and the object's only by its pose there."""
+        name = self.object_frame.lower().removeprefix("/")
+        if "/" in name:  # the path of a prim, as Isaac writes it: /World/camera is a photo camera
+            return False
+        return name in WORLDS or name.startswith(CAMERA) or "optical" in name
 
     def in_object_frame(self, camera_from_object: Float[np.ndarray, "4 4"] | None) -> "GraspSet":
         """The same grasps in the frame of the object.
 
         Args:
-            camera_from_object: (4, 4) where the object stood [m]; asked only of grasps in a camera's frame.
+            camera_from_object: (4, 4) where the object stood [m]; asked only of grasps in another frame than
+                the object's: a camera's, or the world's.
 
         Raises:
             GraspFileError: the pose is wanted and missing, or given where nothing is in a camera's frame.
         """
-        if not self.in_camera_frame:
+        if not self.in_other_frame:
             if camera_from_object is not None:
                 raise GraspFileError(
-                    "belongs to grasps in a camera's frame", key="pose", value=self.object_frame
+                    "is for grasps in a camera's or the world's frame", key="pose", value=self.object_frame
                 )
             return self
         if camera_from_object is None:
             raise GraspFileError(
-                "grasps are in a camera's frame, not in the object's",
+                "grasps are in a camera's or the world's frame, not in the object's",
                 key="object_frame",
                 value=self.object_frame,
                 fix="Give the object's pose in the picture: --pose FILE; the identity if they are its own",

@@ -79,7 +79,7 @@ def _of_one_object(rows: Float[np.ndarray, "g 17"], path: Path) -> Float[np.ndar
 
 def write(grasp_set: GraspSet, path: Path, gripper: Gripper) -> None:
     """Write a graspnetAPI array with its grasp centre at the TCP; the object id is 0."""
-    if not grasp_set.in_camera_frame:
+    if not grasp_set.in_other_frame:
         LOG.warning("%s names no frame: its grasps are in the object's, not in a camera's.", path)
     poses = np.stack([grasp.object_from_gripper for grasp in grasp_set.grasps])
     rows = np.zeros((len(poses), COLUMNS))
