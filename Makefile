@@ -4,7 +4,8 @@ PYTHON = $(shell .ci/pythons "$$(.ci/pythons | head -n 1)")
 OTHERS = $(shell .ci/pythons | tail -n +2)
 BIN := .venv/bin
 WORKERS ?= 2
-export OMP_NUM_THREADS ?= 1
+# Modules are compiled when they are first imported; most of them never are.
+INSTALL := install --quiet --no-compile
 
 # What a Python without PyTorch can run; tests in these files that need a network are marked `network`.
 WITHOUT_NETWORK := cpd cpd_input expectation field kernels latent_fit shape_space storage \
@@ -21,7 +22,7 @@ demo: .venv/ready system
 test: .venv/ready system
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 # Damaged files of every format that is read: 20,000 each in hours (it goes on where it stopped), 300 each in CI.
 soak: .venv/ready
@@ -37,13 +38,13 @@ lint: .venv/ready
 # The whole suite on every Python found here. PyTorch is a download of some gigabytes for each of the others.
 test-pythons: test $(OTHERS:%=whole-suite-%)
 whole-suite-%: .venv-%/whole system
-	.venv-$*/bin/python -m pytest -n $(WORKERS) --dist loadfile
+	OMP_NUM_THREADS=1 .venv-$*/bin/python -m pytest -n $(WORKERS) --dist loadfile
 
 # Registration, grasping, formats and simulation on the other Pythons found here, without PyTorch.
 test-pythons-light: $(OTHERS:%=light-suite-%)
 	@echo "Other Pythons found here: $(or $(OTHERS),none)"
 light-suite-%: .venv-%/light
-	.venv-$*/bin/python -m pytest $(LIGHT_TESTS) -m "not network and not full"
+	OMP_NUM_THREADS=1 .venv-$*/bin/python -m pytest $(LIGHT_TESTS) -m "not network and not full"
 
 # The source package, the wheel made of it, and the demo from the wheel alone, outside this checkout.
 test-package: .venv/ready system
@@ -51,7 +52,7 @@ test-package: .venv/ready system
 	$(BIN)/python -m build --outdir dist
 	set -e; folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	  $(BIN)/python -m venv "$$folder/venv"; \
-	  "$$folder/venv/bin/pip" install --quiet --constraint constraints.txt dist/*.whl; \
+	  "$$folder/venv/bin/pip" $(INSTALL) --constraint constraints.txt dist/*.whl; \
 	  cd "$$folder"; venv/bin/grasptransfer demo --out demo_out
 
 audit: .venv/ready
@@ -60,7 +61,7 @@ audit: .venv/ready
 # One version of each package for each Python. What PyTorch brings for graphics cards follows PyTorch's own pins.
 lock: .venv/ready
 	$(BIN)/python -m venv .venv-lock
-	.venv-lock/bin/pip install --quiet uv
+	.venv-lock/bin/pip $(INSTALL) uv
 	.venv-lock/bin/uv pip compile --quiet --universal --python-version 3.10 --all-extras --no-header \
 	  --no-annotate pyproject.toml --output-file .venv-lock/pins.txt
 	{ head -n 1 constraints.txt; grep -vE '^(nvidia-|cuda-|triton)' .venv-lock/pins.txt; } > .venv-lock/constraints.txt
@@ -71,17 +72,17 @@ lock: .venv/ready
 	@test -n "$(PYTHON)" || { echo "Python 3.10 to 3.13 with venv is missing: \
 	sudo apt-get install python3 python3-venv"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	$(BIN)/pip $(INSTALL) --constraint constraints.txt --editable ".[dev]"
 	touch .venv/ready
 
 .venv-%/light: pyproject.toml constraints.txt
 	"$$(.ci/pythons $*)" -m venv .venv-$*
 	grep -v '^torch==' constraints.txt > .venv-$*/pins.txt
-	.venv-$*/bin/pip install --quiet --no-deps --requirement .venv-$*/pins.txt --editable .
+	.venv-$*/bin/pip $(INSTALL) --no-deps --requirement .venv-$*/pins.txt --editable .
 	touch $@
 
 .venv-%/whole: .venv-%/light
-	.venv-$*/bin/pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	.venv-$*/bin/pip $(INSTALL) --constraint constraints.txt --editable ".[dev]"
 	touch $@
 
 system: .venv/ready
