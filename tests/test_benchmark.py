@@ -16,7 +16,7 @@ from grasptransfer.workshop.benchmark.errors_of_shape import CanonicalSurface, _
 from grasptransfer.workshop.benchmark.glass import GlassSettings, measure_glass, see_through
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.judge import Judge
-from grasptransfer.workshop.benchmark.latency import stage_rows
+from grasptransfer.workshop.benchmark.latency import Timed, compared, reference_seconds, stage_rows
 from grasptransfer.workshop.benchmark.registration import (
     RegistrationSettings,
     measure_registration,
@@ -231,6 +231,17 @@ def test_latency_tells_the_first_picture_apart():
     assert rows["total"]["p95_ms"] == pytest.approx(390)
     result = {"benchmark": "latency", "rows": list(rows.values())}
     assert "network" in _printed(rows_table(result))
+
+
+def test_latency_is_compared_with_a_fixed_load_of_the_same_run():
+    views = [{"total": 9.0}, *({"total": 0.2 + 0.001 * number} for number in range(21))]
+    run = Timed(1.0, views, [{"total": 0.42}], reference=0.07, memory=900.0, after_first=5.0)
+    ratios = compared([run, run])
+    assert ratios["total_over_reference"] == pytest.approx(0.21 / 0.07)
+    assert ratios["reference_ms"] == pytest.approx(70)
+    assert ratios["busy_over_alone"] == pytest.approx(2)
+    assert ratios["last_tenth_over_first"] == pytest.approx(0.2195 / 0.2005)
+    assert reference_seconds(repeats=1) > 0
 
 
 def _nothing(pose) -> Observation:

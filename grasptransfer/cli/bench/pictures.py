@@ -203,6 +203,8 @@ def latency(
     refine_pose: bool = True,
     gripper: Gripper = "panda",
     device: str = "auto",
+    precision: str = "auto",
+    repeats: int = 1,
     seed: int = 0,
 ) -> int:
     """Milliseconds of every stage of a transfer: median and 95th percentile; a cold start apart; memory.
@@ -212,9 +214,21 @@ def latency(
         views: pictures after the first one.
         refine_pose: fit the pose together with the shape.
         device: auto, cpu or cuda.
+        precision: auto (float32), float32 or bfloat16, of networks.
+        repeats: how often all pictures are transferred; 100 show whether it slows down or takes more memory.
         seed: of pictures.
     """
     from grasptransfer.workshop.benchmark.latency import LatencySettings, run_latency_benchmark
 
-    settings = LatencySettings(trained(categories), views, estimator, refine_pose, gripper, device, seed)
+    settings = LatencySettings(
+        trained(categories),
+        views,
+        estimator=estimator,
+        refine_pose=refine_pose,
+        gripper=gripper,
+        device=device,
+        precision=precision,
+        repeats=repeats,
+        seed=seed,
+    )
     return run(partial(run_latency_benchmark, settings), json)

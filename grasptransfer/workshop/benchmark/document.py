@@ -18,7 +18,8 @@ def document(benchmark: str, *, settings: dict, rows: list[dict], summary: dict)
         "version": __version__,
         "settings": settings,
         "machine": {
-            "processor": platform.machine(),
+            "processor": processor_name(),
+            "architecture": platform.machine(),
             "cores": os.cpu_count(),
             "python": platform.python_version(),
             "numpy": np.__version__,
@@ -26,6 +27,14 @@ def document(benchmark: str, *, settings: dict, rows: list[dict], summary: dict)
         "rows": rows,
         "summary": summary,
     }
+
+
+def processor_name() -> str:
+    """What the processor calls itself, as far as the system says."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.is_file() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 def write_document(result: dict, path: Path):

@@ -1,18 +1,25 @@
-"""`bench latency`: how long a picture takes, stage by stage; a fresh process's first one apart."""
+"""`bench latency`: how long a picture takes, stage by stage; a fresh process's first one apart.
+
+Machines differ, so a fixed load is timed in the same run: float32 convolutions like a network's, on the same
+threads. Their ratio says more of the code than milliseconds do.
+"""
 
 import multiprocessing
 import resource
+import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.observation import Observation
-from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.perception.precision import answer_precision, multiplies_bfloat16
+from grasptransfer.workshop.benchmark.document import document, processor_name
 from grasptransfer.workshop.benchmark.estimators import OF_DEPTH
 from grasptransfer.workshop.benchmark.seen_instances import (
     instance_names,
@@ -33,6 +40,8 @@ class LatencySettings:
         refine_pose: fit the pose together with the shape.
         gripper: name.
         device: "auto", "cpu" or "cuda".
+        precision: "auto", "float32" or "bfloat16", of networks.
+        repeats: how often all pictures are transferred, to see whether that slows down.
         seed: of pictures.
     """
 
@@ -42,6 +51,8 @@ class LatencySettings:
     refine_pose: bool = True
     gripper: str = "panda"
     device: str = "auto"
+    precision: str = "auto"
+    repeats: int = 1
     seed: int = 0
 
 
@@ -51,29 +62,37 @@ def run_latency_benchmark(
     """Milliseconds of every stage, as the contract's JSON document.
 
     Raises:
-        SettingsError: no views.
+        SettingsError: no views, no repeats, or an unknown precision.
     """
-    if settings.views < 1:
-        raise SettingsError("must be at least 1", key="views", value=settings.views)
+    for key in ("views", "repeats"):
+        if getattr(settings, key) < 1:
+            raise SettingsError("must be at least 1", key=key, value=getattr(settings, key))
+    precision = answer_precision(settings.precision)
     rows: list[dict] = []
-    starts, loads, memory = [], [], []
+    starts, runs = [], []
     for done, category in enumerate(settings.categories, start=1):
         observations = _pictures(settings, category)
         begin = time.perf_counter()
         # A fresh process: nothing is imported, compiled or loaded yet.
         with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
             timed = pool.submit(_transfer_all, settings, category, observations).result()
-        starts.append(time.perf_counter() - begin - sum(each["total"] for each in timed.views[1:]))
-        loads.append(timed.load)
-        memory.append(timed.memory)
+        starts.append(time.perf_counter() - begin - timed.after_first)
+        runs.append(timed)
         rows += stage_rows(category, timed.views)
         if progress:
             progress(done, len(settings.categories))
+    cold, memory = 1e3 * float(np.median(starts)), float(max(run.memory for run in runs))
     summary = {
         **_medians(rows),
-        "cold_start_ms": 1e3 * float(np.median(starts)),
-        "load_ms": 1e3 * float(np.median(loads)),
-        "peak_memory_mib": float(np.max(memory)),
+        "cold_ms": cold,
+        "cold_start_ms": cold,
+        "load_ms": 1e3 * float(np.median([run.load for run in runs])),
+        "peak_memory_mb": memory * 1.048576,
+        "peak_memory_mib": memory,
+        **compared(runs),
+        "precision": precision,
+        "processor": processor_name(),
+        "multiplies_bfloat16": multiplies_bfloat16("cpu"),
     }
     return document("latency", settings=asdict(settings), rows=rows, summary=summary)
 
@@ -84,13 +103,32 @@ class Timed:
 
     Args:
         load: seconds to construct the flow.
-        views: seconds of every stage for each picture; the first is cold.
+        views: seconds of every stage for each picture, `repeats` times over; the first is cold.
+        busy: the same of each picture once more, beside a process that keeps one core busy.
+        reference: seconds of the fixed load.
         memory: peak resident size [MiB].
+        after_first: seconds that passed after the first picture.
     """
 
     load: float
     views: list[dict[str, float]]
+    busy: list[dict[str, float]]
+    reference: float
     memory: float
+    after_first: float
+
+
+def compared(runs: list[Timed]) -> dict[str, float]:
+    """Ratios within the run: to the fixed load, beside a busy process, and of the last tenth to the first."""
+    ratios = []
+    for run in runs:
+        total = np.array([view["total"] for view in run.views[1:] or run.views])
+        tenth, middle = max(1, len(total) // 10), np.median(total)
+        busy = np.median([view["total"] for view in run.busy])
+        late = np.median(total[-tenth:]) / np.median(total[:tenth])
+        ratios.append((1e3 * run.reference, middle / run.reference, busy / middle, late))
+    names = ("reference_ms", "total_over_reference", "busy_over_alone", "last_tenth_over_first")
+    return dict(zip(names, np.median(ratios, axis=0).tolist(), strict=True))
 
 
 def stage_rows(category: str, views: list[dict[str, float]]) -> list[dict]:
@@ -124,18 +162,57 @@ def _transfer_all(settings: LatencySettings, category: str, observations: list[O
         estimator=settings.estimator,
         refine_pose=settings.refine_pose,
         device=settings.device,
+        precision=settings.precision,
         seed=settings.seed,
     )
     load = time.perf_counter() - begin
-    views = []
-    for seen in observations:
+
+    def timed(seen: Observation) -> dict[str, float]:
         told = seen.mask if seen.mask is not None else seen.box
         result = flow.transfer(
             seen.image, seen.camera_from_object, camera=seen.camera, mask=told, depth=seen.depth
         )
-        views.append(dict(result.timings))
+        return dict(result.timings)
+
+    views = [timed(observations[0])]
+    first = time.perf_counter()
+    before = reference_seconds()
+    views += [timed(seen) for seen in observations[1:]]
+    for _ in range(settings.repeats - 1):
+        views += [timed(seen) for seen in observations]
+    reference = (before + reference_seconds()) / 2
+    with _busy_process():
+        busy = [timed(seen) for seen in observations]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return Timed(load, views, peak / (1024**2 if sys.platform == "darwin" else 1024))
+    memory = peak / (1024**2 if sys.platform == "darwin" else 1024)
+    return Timed(load, views, busy, reference, memory, time.perf_counter() - first)
+
+
+def reference_seconds(repeats: int = 15) -> float:
+    """Median seconds of a fixed float32 load of 3.6 GFLOP: four convolutions, on torch's threads."""
+    import torch
+
+    picture = torch.ones(1, 64, 96, 128).to(memory_format=torch.channels_last)
+    layer = torch.nn.Conv2d(64, 64, 3, padding=1, bias=False).to(memory_format=torch.channels_last)
+    spent = []
+    with torch.inference_mode():
+        for _ in range(repeats):
+            begin = time.perf_counter()
+            for _ in range(4):
+                layer(picture)
+            spent.append(time.perf_counter() - begin)
+    return float(np.median(spent))
+
+
+@contextmanager
+def _busy_process() -> Iterator[None]:
+    """Within it one other process computes without end."""
+    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
 
 
 def _pictures(settings: LatencySettings, category: str) -> list[Observation]:
