@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from grasptransfer.cli.bench.clouds import cpd, latent_fit
-from grasptransfer.cli.bench.grasps import calibration, grasp
+from grasptransfer.cli.bench.grasps import calibration, engines, grasp
 from grasptransfer.cli.bench.pictures import (
     glass,
     latency,
@@ -22,6 +22,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "glass": glass,
     "latency": latency,
     "grasp": grasp,
+    "engines": engines,
     "photos": photos,
     "refusal": refusal,
     "calibration": calibration,

@@ -1,4 +1,4 @@
-"""`bench grasp` and `bench calibration`: whether transferred grasps hold when PyBullet executes them."""
+"""`bench grasp`, `engines` and `calibration`: whether transferred grasps hold when physics executes them."""
 
 import math
 from functools import partial
@@ -57,6 +57,32 @@ def grasp(
         estimators or DEFAULT,
     )
     return run(partial(run_grasp_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
+
+
+def engines(
+    *,
+    json: Json,
+    categories: Categories = (),
+    meshes: Meshes = None,
+    gripper: Gripper = "panda",
+    protocol: str = "lift-shake-v2",
+    engines: tuple[str, ...] = (),
+    trials: int = 1,
+    workers: Workers = 2,
+    seed: int = 0,
+) -> int:
+    """The same grasps, moved by the true field, in each physics engine, and how often the verdicts agree.
+
+    Args:
+        protocol: named and versioned execution protocol.
+        engines: names; none given: all that are installed.
+        trials: perturbed trials of each grasp; 1 executes it exactly.
+        seed: of the perturbations.
+    """
+    from grasptransfer.workshop.benchmark.engines import EngineSettings, run_engine_benchmark
+
+    settings = EngineSettings(trained(categories), meshes, gripper, protocol, engines, trials, seed)
+    return run(partial(run_engine_benchmark, settings, workers=workers, ledger=ledger_of(json)), json)
 
 
 def calibration(

@@ -164,7 +164,7 @@ def execute(
         solid: the true object, its own frame [m].
         seed: of the trials.
     """
-    grasps = _best_of_each_family(result.grasps)
+    grasps = best_of_each_family(result.grasps)
     placed = as_executed(grasps, estimated_pose=result.camera_from_object, true_pose=true_pose)
     trials = simulate(placed, solid, result.gripper, protocol=protocol, seed=seed)
     reasons = [trial.status.name for trial in trials]
@@ -182,7 +182,8 @@ def as_executed(
     return [placed_at(grasp, true_from_estimated @ grasp.object_from_gripper) for grasp in grasps]
 
 
-def _best_of_each_family(grasps: tuple[TransferredGrasp, ...]) -> list[TransferredGrasp]:
+def best_of_each_family(grasps: Sequence[TransferredGrasp]) -> list[TransferredGrasp]:
+    """The first grasp of each symmetry family, in order: what a robot would do."""
     best: dict[str, TransferredGrasp] = {}
     for grasp in grasps:  # they come best first
         best.setdefault(grasp.name.split("/")[0], grasp)

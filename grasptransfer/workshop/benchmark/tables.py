@@ -1,5 +1,7 @@
 """Rows of a benchmark as a table for the terminal."""
 
+from collections import Counter
+
 from rich.table import Table
 
 
@@ -12,6 +14,8 @@ def rows_table(result: dict) -> Table | None:
         return _photos_table(rows)
     if rows and "usable_held" in rows[0]:
         return _grasps_table(rows)
+    if rows and "apart" in rows[0]:
+        return _engines_table(rows)
     methods = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_score(value)))
     if not methods:
         return None
@@ -70,6 +74,26 @@ def _grasps_table(rows: list[dict]) -> Table:
         groups.setdefault((row["category"], row["estimator"]), []).append(row)
     for names_of_group, group in groups.items():
         table.add_row(*names_of_group, *_grasp_cells(group))
+    return table
+
+
+def _engines_table(rows: list[dict]) -> Table:
+    """Trials on which the engines agree, a category a line, and how those ended on which they do not."""
+    engines = list(rows[0]["held"])
+    table = Table("category", "trials", "agree", title=f"{' / '.join(engines)}: verdicts")
+    for engine in engines:
+        table.add_column(f"held in {engine}", justify="right", overflow="fold")
+    table.add_column("where they do not agree", overflow="fold")
+    for category in dict.fromkeys(row["category"] for row in rows):
+        own = [row for row in rows if row["category"] == category]
+        trials = sum(row["trials"] for row in own)
+        held = [sum(row["held"][engine] for row in own) for engine in engines]
+        apart: Counter[str] = Counter()
+        for row in own:
+            apart.update(row["apart"])
+        agree = f"{100 * sum(row['agree'] for row in own) / max(trials, 1):.1f} %"
+        reasons = ", ".join(f"{count} {pair}" for pair, count in apart.most_common())
+        table.add_row(category, str(trials), agree, *map(str, held), reasons)
     return table
 
 
