@@ -63,3 +63,14 @@ def test_half_the_time_step_gives_the_same_verdict_in_95_percent_of_trials():
         )
         same += [a.held == b.held for a, b in zip(whole, halved, strict=True)]
     assert np.mean(same) >= 0.95
+
+
+@pytest.mark.full
+def test_the_engines_agree_on_grasps_moved_to_test_instances():
+    from grasptransfer.workshop.benchmark.engines import EngineSettings, run_engine_benchmark
+
+    if len(installed_engines()) < 2:
+        pytest.skip("PyBullet has no wheels for this Python")
+    summary = run_engine_benchmark(EngineSettings(("mug", "bottle")))["summary"]
+    assert summary["trials"] >= 60
+    assert summary["agreement"] >= 0.9

@@ -1,16 +1,21 @@
 """The benchmarks: truth scores perfectly, ratios are those of the rows, and a killed run goes on."""
 
 import json
+import shutil
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from grasptransfer.camera import Camera
+from grasptransfer.category import load_category
 from grasptransfer.errors import SettingsError
+from grasptransfer.grasping.gripper import GRIPPER_FOLDER
 from grasptransfer.perception.baselines import RigidEstimator
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.perception.observation import Observation
+from grasptransfer.workshop.benchmark import instance_pool
 from grasptransfer.workshop.benchmark.deformation_maps import draw_deformation_maps
 from grasptransfer.workshop.benchmark.errors_of_shape import CanonicalSurface, _first_in_voxels, shape_error
 from grasptransfer.workshop.benchmark.glass import GlassSettings, measure_glass, see_through
@@ -194,6 +199,49 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
     assert len(measure_instances(_measure, _Settings(number=2), found, ledger=ledger)) == 2
     assert CALLS == ["a", "b", "a", "b"]
     assert all(json.loads(line)["row"]["bad"] is None for line in _whole_lines(ledger))
+
+
+@dataclass(frozen=True)
+class _Own:
+    categories: tuple[str, ...]
+    gripper: str
+    meshes: Path
+
+
+def test_a_row_is_measured_anew_once_anything_it_rests_on_has_changed(tmp_path, monkeypatch):
+    category, meshes, hand = tmp_path / "mug", tmp_path / "meshes", tmp_path / "jaw"
+    shutil.copytree(load_category("mug").folder, category)
+    meshes.mkdir()
+    hand.mkdir()
+    (meshes / "mesh.obj").write_text("v 0 0 0")
+    for ending in ("urdf", "yaml"):
+        shutil.copy(GRIPPER_FOLDER / f"parallel_jaw.{ending}", hand)
+    settings = _Own((str(category),), str(hand / "parallel_jaw.yaml"), meshes)
+
+    def measured() -> int:
+        CALLS.clear()
+        measure_instances(_measure_name, settings, [(str(category), "a")], ledger=tmp_path / "rows")
+        return len(CALLS)
+
+    assert (measured(), measured()) == (1, 0)
+    for path, old, new in (
+        (category / "grasps.yaml", "grasps:", "# another\ngrasps:"),
+        (category / "category.yaml", "name: mug", "name: mug  # another"),
+        (hand / "parallel_jaw.yaml", "force_limit: 60", "force_limit: 1"),
+        (hand / "parallel_jaw.urdf", "0.735", "0.8"),
+        (meshes / "mesh.obj", "v 0 0 0", "v 0 0 1"),
+    ):
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        assert (measured(), measured()) == (1, 0), path
+    monkeypatch.setattr(instance_pool, "version", lambda library: "another")
+    assert (measured(), measured()) == (1, 0)
+
+
+def _measure_name(settings, category: str, name: str) -> dict:
+    CALLS.append(name)
+    return {"name": name}
 
 
 def test_glass_is_measured_with_true_and_with_sensed_depth(mug):

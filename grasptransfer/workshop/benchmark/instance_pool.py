@@ -1,17 +1,21 @@
 """One row for each instance, measured on several processes; a killed run goes on where it stopped."""
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from grasptransfer import __version__
 from grasptransfer.errors import SettingsError
+from grasptransfer.files import content_key
 from grasptransfer.workshop.benchmark.document import plain
+
+# A row's numbers may differ between their versions.
+LIBRARIES = ("numpy", "scipy", "torch", "trimesh", "manifold3d", "coacd", "python-fcl", "numba", "pybullet",
+             "mujoco-core", "mujoco")  # fmt: skip
 
 Measure = Callable[[Any, str, str], dict]
 Progress = Callable[[int, int], None]
@@ -87,10 +91,28 @@ def _settle(workers: int):
 
 
 def _digest(measure: Measure, settings: Any) -> str:
-    """Changes with the settings, with what measures, and with the weights that are measured."""
-    said = json.dumps(plain(asdict(settings)), sort_keys=True)
-    weights = [hashlib.sha256(path.read_bytes()).hexdigest() for path in _weights(settings)]
-    return hashlib.sha256("|".join([__version__, measure.__name__, said, *weights]).encode()).hexdigest()
+    """Changes with all that a row could change with: settings, categories, gripper, weights and versions.
+
+    A path among the settings, as of a folder of meshes, counts with what it holds.
+    """
+    from grasptransfer.category import load_category
+    from grasptransfer.grasping import load_gripper
+    from grasptransfer.simulation.hand import hand_of
+
+    folders = [load_category(name).folder for name in settings.categories]
+    name = getattr(settings, "gripper", None)
+    gripper = None if name is None else load_gripper(name)
+    hand = None if gripper is None else (gripper.path, gripper.urdf_path, hand_of(gripper))
+    versions = {library: _version(library) for library in LIBRARIES}
+    code = (__version__, versions, measure.__module__, measure.__name__)
+    return content_key(code, settings, folders, hand, _weights(settings))
+
+
+def _version(library: str) -> str | None:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return None
 
 
 def _weights(settings: Any) -> list[Path]:
