@@ -1,7 +1,8 @@
-"""Grasps: read, warped to an instance, refined, checked and ranked; grippers; file formats.
+"""Annotated grasps, a gripper and a `ShapeEstimate` in; warped, refined, checked, placed, ranked grasps out.
 
 `canonical_from_gripper` is what a person annotates, `object_from_gripper` what a robot executes; the
-gripper frame is the TCP between the pads, +z approach, +x closing.
+gripper frame is the TCP between the pads, +z approach, +x closing. Grasp files of this and other projects
+are read by `grasps` and `formats`, grippers by `gripper`.
 """
 
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck, check_grasps

@@ -1,4 +1,7 @@
-"""Non-rigid registration: CPD, deformation fields, shape spaces and fits to partial clouds."""
+"""Point clouds in, smooth fields out: CPD, deformation fields, shape spaces, and their fit to partial clouds.
+
+NumPy and SciPy alone: no network, no picture, no category. `docs/registration.md` shows it in use.
+"""
 
 from grasptransfer.registration.cpd import cpd, cpd_all
 from grasptransfer.registration.cpd_input import PreparedSource

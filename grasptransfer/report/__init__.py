@@ -1,1 +1,4 @@
-"""What people are shown: pages, pictures and tables; the files that commands read and write for them."""
+"""Results in; what people look at out: pages, pictures, films, tables, and the files that commands write.
+
+Pages are Jinja2 templates (`templates/`), filled in `page`; `pictures`, `grasp_pictures` and `movie` draw.
+"""

@@ -1,4 +1,4 @@
-"""Grasps executed in physics: named protocols, a reason for each failure, robustness over trials.
+"""Grasps, a mesh and a protocol in; trials out: held or not, and the reason.
 
 Loaded on first use; an engine, PyBullet or MuJoCo, only when a trial runs.
 """

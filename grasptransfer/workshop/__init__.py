@@ -5,5 +5,6 @@
 | `objects` | parametric, textured shapes of a category, with exact correspondences |
 | `building` | a category folder from meshes or clouds |
 | `training` | weights, their confidence and their model card |
-| `benchmark` | every figure that README and model card state |
+| `benchmark`, `figures` | every figure that README, docs and model card state, and their pages |
+| `soak` | damaged files by the thousand, to find readers that fail |
 """

@@ -1,1 +1,9 @@
-"""How networks are trained: random pictures, losses, runs and their cards; no estimator needs it."""
+"""Categories in; weights, their confidence and a model card out. No estimator needs this room.
+
+| module | does |
+| --- | --- |
+| `training_shapes`, `scenes`, `samples`, `dataset` | random shapes and pictures of them, rendered once |
+| `backgrounds`, `augmentation`, `prefetch` | what is drawn anew for every batch |
+| `losses`, `schedule`, `training`, `processes`, `log` | the optimisation, resumable, on one process or more |
+| `confidence_fit`, `model_card` | how far the networks are to be trusted, and what users are told about them |
+"""
