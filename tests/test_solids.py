@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from grasptransfer.solids.decomposition import decompose
+from grasptransfer.grasping import Surface
+from grasptransfer.solids.decomposition import decompose, united
 
 
 def together(parts) -> trimesh.Trimesh:
@@ -147,3 +148,20 @@ def test_a_cavity_is_still_cut_out():
     outer, inner = trimesh.creation.box((0.06, 0.06, 0.06)), trimesh.creation.box((0.04, 0.04, 0.04))
     inner.invert()
     assert decompose(together([outer, inner])).volume == pytest.approx(0.06**3 - 0.04**3, rel=1e-6)
+
+
+@pytest.mark.parametrize("way", [as_written, corners_merged, triangle_soup])
+def test_touching_bodies_have_one_inside(way):
+    mesh = way(blocks((0, 0, 0), (0, 0, 1)))
+    surface = Surface(mesh)
+    assert surface.is_watertight
+    inside = surface.contains(np.array([[0, 0, 0], [0, 0, 0.0245], [0, 0, 0.05], [0, 0, 0.08]]))
+    assert inside.tolist() == [True, True, True, False]
+
+
+def test_what_encloses_nothing_is_not_united():
+    box = trimesh.creation.box((0.03, 0.02, 0.05))
+    box.update_faces(np.arange(12) > 0)
+    assert united(box) is None
+    assert not Surface(box).is_watertight
+    assert united(trimesh.Trimesh([[0, 0, 0], [1, 0, 0]], [[0, 1, 1]], process=False)) is None

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from grasptransfer.errors import MeshError
+from grasptransfer.solids.decomposition import united
 
 if TYPE_CHECKING:
     import trimesh
@@ -44,6 +45,9 @@ class Surface:
 
         # Texture seams split vertices; merged, a closed surface is closed again. Faces keep their order.
         self.mesh = trimesh.Trimesh(vertices, mesh.faces, process=True)
+        if not self.mesh.is_watertight:  # bodies that touch have no inside until they are one
+            whole = united(mesh)
+            self.mesh = self.mesh if whole is None else whole
         self.name = name
 
     @cached_property

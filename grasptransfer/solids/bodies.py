@@ -44,6 +44,8 @@ def split_bodies(
         written: the same faces by the corners of the file, of which several may be in one place.
     """
     thick = (joined != np.roll(joined, 1, axis=1)).all(1)  # a face of two corners has no area
+    if not thick.any():
+        return Bodies((), None)
     part = _labels(written[thick], int(written.max()) + 1)[written[thick][:, 0]]
     joined = joined[thick]
     once = _firsts(np.column_stack([part, _turned(joined)]))

@@ -162,6 +162,22 @@ def _decompose(
     return Decomposition(tuple(parts), float(solid.volume()), centre, inertia, left is None)
 
 
+def united(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh | None":
+    """The outer surface of bodies that touch, overlap or are there twice; None where faces enclose nothing.
+
+    Args:
+        mesh: corners that are in one place may be several.
+    """
+    import trimesh
+
+    solids, left = _solids(np.array(mesh.vertices, float), np.array(mesh.faces, np.int64))
+    if left is not None or not solids:
+        return None
+    whole = _union(solids).to_mesh64()
+    vertices = np.asarray(whole.vert_properties)[:, :3]
+    return trimesh.Trimesh(vertices, np.asarray(whole.tri_verts).astype(np.int64), process=False)
+
+
 def _solids(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> "tuple[list[manifold3d.Manifold], Surface | None]":

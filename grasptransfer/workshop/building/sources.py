@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from grasptransfer.errors import CategoryError, MeshError, SettingsError
 from grasptransfer.meshes import SMALLEST, SUFFIXES, check_points, check_size, read_mesh
+from grasptransfer.solids.decomposition import united
 from grasptransfer.workshop.building.carving import carved_surface
 from grasptransfer.workshop.building.cloud_files import read_pcd, read_xyz
 
@@ -182,7 +183,8 @@ def _repair(mesh: trimesh.Trimesh, path: Path) -> tuple[trimesh.Trimesh, list[st
         notes.append(f"{crowded} edges belong" * (crowded > 1) or "one edge belongs")
         notes[-1] += " to more than two faces"
     if not solid.is_watertight:
-        notes.append("is not watertight")
+        if united(mesh) is None:
+            notes.append("is not watertight")
     elif solid.volume < 0:
         mesh.invert()
         notes.append("was inside out; its faces were turned")
