@@ -151,7 +151,7 @@ class GraspTransfer:
             now = time.perf_counter()
             timings[stage], last = now - last, now
 
-        mesh = reconstruct(self.category, estimate.field)
+        mesh = reconstruct(self.category, estimate.field, latent=estimate.latent)
         world = CollisionWorld(mesh, scene, estimate.camera_from_object)
         lap("reconstruct")
         warped = warp_grasps(self.grasps, estimate.field)
@@ -253,10 +253,18 @@ def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:
     return pair_fields(a.field, b.field)
 
 
-def reconstruct(category: Category, field: DeformationField) -> trimesh.Trimesh:
-    """The canonical mesh warped by a field: the whole instance, its hidden side too (paper, eq. 6)."""
+def reconstruct(
+    category: Category, field: DeformationField, *, latent: Float[np.ndarray, k] | None = None
+) -> trimesh.Trimesh:
+    """The canonical mesh warped by a field: the whole instance, its hidden side too (paper, eq. 6).
+
+    Args:
+        latent: of the field, where it is one of the shape space: how it moves the vertices is known then.
+    """
     mesh = category.canonical.copy()
-    mesh.vertices = field(np.asarray(mesh.vertices))
+    vertices = np.asarray(mesh.vertices)
+    model = category.vertices_by_latent
+    mesh.vertices = field(vertices) if latent is None else model.displaced(vertices, latent)
     return mesh
 
 

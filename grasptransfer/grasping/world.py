@@ -6,7 +6,7 @@ corners, and what lies wholly inside a closed body by the parity of ray hits.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,7 +64,7 @@ def _link_parts(gripper: Gripper) -> tuple[_LinkParts, ...]:
 
 
 class OpenedGripper:
-    """A gripper at one opening [m], ready to be moved about.
+    """A gripper at one opening [m], in its own frame; the world is moved instead, which has fewer bodies.
 
     Raises:
         GripperError: the opening is out of range.
@@ -76,19 +76,18 @@ class OpenedGripper:
         poses = gripper.link_poses(opening)
         self.parts = _link_parts(gripper)
         self.gripper_from_link = [poses[part.name] for part in self.parts]
-        self.bodies = [fcl.CollisionObject(part.bvh, fcl.Transform()) for part in self.parts]
-        self.corners = [
-            transform_points(pose, part.corners)
+        self.bodies = [
+            fcl.CollisionObject(part.bvh, fcl.Transform(pose[:3, :3], pose[:3, 3]))
             for pose, part in zip(self.gripper_from_link, self.parts, strict=True)
         ]
 
-    def move(self, object_from_gripper: Float[np.ndarray, "4 4"]) -> None:
-        """Place every link for this TCP pose."""
-        import fcl
-
-        for body, gripper_from_link in zip(self.bodies, self.gripper_from_link, strict=True):
-            pose = object_from_gripper @ gripper_from_link
-            body.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+    @cached_property
+    def corners(self) -> list[Float[np.ndarray, "_ 3"]]:
+        """Of every link, gripper frame [m]."""
+        return [
+            transform_points(pose, part.corners)
+            for pose, part in zip(self.gripper_from_link, self.parts, strict=True)
+        ]
 
 
 class CollisionWorld:
@@ -136,7 +135,10 @@ class CollisionWorld:
         """Pairs (link index, body index) whose surfaces meet; body -1 is the support plane."""
         import fcl
 
-        opened.move(object_from_gripper)
+        gripper_from_object = invert(object_from_gripper)
+        for body, (_, _, placed) in zip(self._fcl, self.bodies, strict=True):
+            pose = gripper_from_object @ placed
+            body.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
         pairs = [
             (i, j)
             for i, link in enumerate(opened.bodies)

@@ -39,7 +39,7 @@ class ShapeEstimate:
     Args:
         field: canonical to object frame [m].
         camera_from_object: (4, 4) the pose, refined where the estimator does that.
-        latent: (k,) coordinates in the shape space, standard deviations from the mean.
+        latent: (k,) coordinates of `field` in the shape space, standard deviations from the mean.
         covariance: (6 + k, 6 + k) joint posterior of turn about the object's origin [rad] and shift [m],
             camera axes, and `latent`; 0 where a pose was taken as told.
         mask: (h, w) pixels of the object: the told mask, or else the predicted one.
