@@ -7,6 +7,7 @@ from gripper_files import box as shape
 from grasptransfer.grasping.gripper import list_grippers, load_gripper
 from grasptransfer.simulation import TrialStatus
 from grasptransfer.simulation.boxes import box_widths, hold_boxes
+from grasptransfer.simulation.engines import installed_engines
 
 HANDS = ("gen3_lite_2f", "open_manipulator_x", "panda", "robotiq_2f140", "robotiq_2f85", "robotiq_hande",
          "so101", "widowx_250", "wsg50", "xarm_gripper")  # fmt: skip
@@ -19,13 +20,14 @@ def test_ten_hands_that_people_own_come_along():
 
 
 @pytest.mark.parametrize("name", HANDS)
-def test_a_hand_holds_boxes_of_every_width_between_its_pads(name):
+@pytest.mark.parametrize("engine", installed_engines())
+def test_a_hand_holds_boxes_of_every_width_between_its_pads(name, engine):
     gripper = load_gripper(name)
     widths = box_widths(gripper)
-    for width, trial in zip(widths, hold_boxes(gripper), strict=True):
+    for width, trial in zip(widths, hold_boxes(gripper, engine=engine), strict=True):
         wanted = REFUSED.get((name, width), TrialStatus.HELD)
         assert trial.status is wanted, (width, trial.detail)
-        if wanted is TrialStatus.HELD and not gripper.pads_turn:
+        if wanted is TrialStatus.HELD:
             assert trial.width_mm == pytest.approx(1e3 * width, abs=1), width
 
 
@@ -89,3 +91,15 @@ def test_one_jaw_that_stands_holds_what_the_other_pushes_against_it(tmp_path):
     assert trial.held, trial.detail
     # Pushed at its top, the box leans against the jaw that stands.
     assert trial.width_mm == pytest.approx(30, abs=2)
+
+
+def test_a_trial_names_the_link_that_only_keeps_a_margin(tmp_path):
+    margin = link("margin", shape((0.09, 0.12, 0.05), (0, 0, 0.1))) + joint(
+        "margin_mount", "palm", "margin", kind="fixed", at="0 0 0"
+    )
+    (trial,) = hold_boxes(load_gripper(write_gripper(tmp_path, more=margin)), [0.03])
+    assert trial.status is TrialStatus.IN_COLLISION
+    assert "add ignore_links: [margin]" in trial.detail
+    ignored = write_gripper(tmp_path, more=margin, replace=[("opening:", "ignore_links: [margin]\nopening:")])
+    (trial,) = hold_boxes(load_gripper(ignored), [0.03])
+    assert trial.held, trial.detail

@@ -45,11 +45,16 @@ def box_grasp(gripper: Gripper, width: float) -> Grasp:
     return Grasp("top", "box", rigid(DOWNWARDS, position), width)
 
 
-def hold_boxes(gripper: Gripper, widths: Sequence[float] | None = None) -> list[TrialResult]:
+def hold_boxes(
+    gripper: Gripper, widths: Sequence[float] | None = None, *, engine: str | None = None
+) -> list[TrialResult]:
     """Execute the grasp of each box, by `lift-shake-v1`.
 
     Args:
         widths: of the boxes [m]; None: `box_widths`.
+        engine: as of `simulate`.
     """
     widths = box_widths(gripper) if widths is None else widths
-    return [simulate([box_grasp(gripper, width)], box_of(width), gripper)[0] for width in widths]
+    return [
+        simulate([box_grasp(gripper, width)], box_of(width), gripper, engine=engine)[0] for width in widths
+    ]

@@ -41,6 +41,7 @@ class Hand:
         pad_links: names of the links with the -x and the +x pad.
         pad_bodies: names of all links that move with each pad.
         pad_centres: (2, 3) of their faces, each in its link's frame [m].
+        pads_turn: whether the pads' faces are not always square to TCP x.
         force_limit: [N].
     """
 
@@ -59,6 +60,7 @@ class Hand:
     pad_links: tuple[str, str]
     pad_bodies: tuple[frozenset[str], frozenset[str]]
     pad_centres: Float[np.ndarray, "2 3"]
+    pads_turn: bool
     force_limit: float
 
     def joint_positions(self, opening: float) -> dict[str, float]:
@@ -96,6 +98,7 @@ def hand_of(gripper: Gripper) -> Hand:
         pad_links=(first.link, second.link),
         pad_bodies=gripper.pad_bodies,
         pad_centres=np.stack([first.centre, second.centre]),
+        pads_turn=gripper.pads_turn,
         force_limit=gripper.force_limit,
     )
 

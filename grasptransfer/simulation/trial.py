@@ -49,7 +49,7 @@ def run_trial(world: World, job: Job) -> TrialResult:
         slip_mm=round(trial.slip * 1e3, 4),
         slip_degrees=round(trial.slip_degrees, 4),
         max_penetration_mm=round(trial.penetration * 1e3, 4),
-        width_mm=round(trial.gripper.opening() * 1e3, 4),
+        width_mm=round(world.width() * 1e3, 4),
         protocol=world.protocol.name,
         gripper=world.hand.name,
         engine=world.engine,
@@ -134,8 +134,15 @@ class _Trial:
                 f"both fingers hit the object with the gripper fully open ({self.job.opening * 1e3:.0f} mm)"
             )
             raise _Ended(TrialStatus.TOO_WIDE, text)
-        text = f"{link} reaches {-distance * 1e3:.1f} mm into {obstacle}"
+        text = f"{link} reaches {-distance * 1e3:.1f} mm into {obstacle}{self._hint(link)}"
         raise _Ended(TrialStatus.IN_COLLISION, text)
+
+    def _hint(self, link: str) -> str:
+        """What may be wrong where a link that is neither base nor finger is in the way."""
+        hand = self.world.hand
+        if link == hand.link_names[0] or any(link in body for body in hand.pad_bodies):
+            return ""
+        return f" (if {link} is only a safety margin, add ignore_links: [{link}] to the gripper's YAML)"
 
     def _approach(self, world_from_tcp: Float[np.ndarray, "4 4"]):
         """Along +z without physics: a touch on the way is a reason of its own."""

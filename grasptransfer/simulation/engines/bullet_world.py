@@ -169,6 +169,12 @@ class BulletWorld(World):
         links = {hand.link_names[contact[3]] for contact in contacts if contact[8] <= 0 or contact[9] > 0}
         return links, max((-contact[8] for contact in contacts), default=0.0)
 
+    def contact_points(self) -> list[tuple[str, list[float]]]:
+        """The gripper's link, and the place in the world [m], of every contact with the object."""
+        hand = self._gripper()
+        contacts = self._call("getContactPoints", hand.body, self.object)
+        return [(hand.link_names[c[3]], list(c[5])) for c in contacts if c[8] <= 0 or c[9] > 0]
+
     def nearest(self) -> tuple[float, str, str]:
         """Least distance from the gripper to anything [m], the link and what it is."""
         hand, best = self._gripper(), (FAR, "", "")

@@ -216,6 +216,16 @@ class MujocoWorld(World):
                 deepest = max(deepest, -distance)
         return links, deepest
 
+    def contact_points(self) -> list[tuple[str, list[float]]]:
+        """The gripper's link, and the place in the world [m], of every contact with the object."""
+        contacts, found = self._state.now().contact, []
+        geoms, places = contacts.geom.tolist(), contacts.pos.tolist()
+        for (first, second), place, distance in zip(geoms, places, contacts.dist.tolist(), strict=True):
+            hand, other = (first, second) if first in self._links else (second, first)
+            if hand in self._links and other in self._parts and distance <= 0:
+                found.append((self._links[hand], place))
+        return found
+
     def nearest(self) -> tuple[float, str, str]:
         """Least distance from the gripper to anything [m] (`FAR` at most), the link and what it is."""
         best = (FAR, "", "")

@@ -164,5 +164,22 @@ class World(ABC):
         """Links of the gripper that touch the object, and how deep the deepest contact is [m]."""
 
     @abstractmethod
+    def contact_points(self) -> list[tuple[str, list[float]]]:
+        """The gripper's link, and the place in the world [m], of every contact with the object."""
+
+    def width(self) -> float:
+        """Distance between the pads along the TCP's x [m], where they are; of tilted pads, where they touch.
+
+        A tilted pad touches with one edge: the distance between the pads' centres is then not the object's.
+        """
+        if self.hand.pads_turn:
+            points, tcp_from_world = self.contact_points(), invert(self.gripper.world_from_tcp())
+            sides = [[place for link, place in points if link in body] for body in self.hand.pad_bodies]
+            if all(sides):
+                low, high = (transform_points(tcp_from_world, np.array(side))[:, 0].mean() for side in sides)
+                return float(high - low)
+        return self.gripper.opening()
+
+    @abstractmethod
     def nearest(self) -> tuple[float, str, str]:
         """Least distance from the gripper to anything [m] (`FAR` at most), the link and what it is."""
