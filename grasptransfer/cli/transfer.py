@@ -59,7 +59,7 @@ def transfer(
         scene: YAML with obstacles and a support plane.
         mask: picture that is white on the object.
         box: instead of a mask: u0 v0 u1 v1 around the object [px], as any detector gives it.
-        execute: true mesh of the instance [m], standing at the told pose; PyBullet executes the grasps on it.
+        execute: true mesh of the instance [m], standing at the given pose; the grasps are executed on it.
         refine_pose: fit the pose together with the shape.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.

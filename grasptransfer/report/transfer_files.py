@@ -120,7 +120,7 @@ def execute_best(
     most: int = EXECUTED,
     seed: int = 0,
 ) -> "tuple[TrialResult, ...]":
-    """Execute the best usable grasp of each label in PyBullet.
+    """Execute the best usable grasp of each label in the default physics engine.
 
     The robot goes to where it believes the grasp is, seen from the camera; the mesh stands where it
     really is. So errors of shape and of pose both count.
@@ -167,7 +167,7 @@ def sentence(result: TransferResult, trials: "Sequence[TrialResult]", out: Path)
         text += f"; the best is {best.name}, expected success {best.score:.0%}"
     if trials:
         held = sum(trial.held for trial in trials)
-        text += f"; PyBullet held {held} of the {len(trials)} executed ({trials[0].protocol})"
+        text += f"; {held} of the {len(trials)} executed held ({trials[0].protocol} in {trials[0].engine})"
     if result.status.value != "ok":
         text += f". {result.status.advice.rstrip('.')}"
     return f"{text}. Look at {out / REPORT}; grasps: {out / GRASPS}; mesh: {out / RECONSTRUCTION}"

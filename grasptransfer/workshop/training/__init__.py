@@ -5,5 +5,5 @@
 | `training_shapes`, `scenes`, `samples`, `dataset` | random shapes and pictures of them, rendered once |
 | `backgrounds`, `augmentation`, `prefetch` | what is drawn anew for every batch |
 | `losses`, `schedule`, `training`, `processes`, `log` | the optimisation, resumable, on one process or more |
-| `confidence_fit`, `model_card` | how far the networks are to be trusted, and what users are told about them |
+| `confidence_fit`, `model_card` | how far the networks can be trusted, and what their card says of it |
 """
