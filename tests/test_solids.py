@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.grasping import Surface
-from grasptransfer.solids.decomposition import decompose, united
+from grasptransfer.solids.decomposition import decompose
+from grasptransfer.solids.enclosed import united
 
 
 def together(parts) -> trimesh.Trimesh:

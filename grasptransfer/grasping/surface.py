@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from grasptransfer.errors import MeshError
-from grasptransfer.solids.decomposition import united
+from grasptransfer.solids.enclosed import united
 
 if TYPE_CHECKING:
     import trimesh

@@ -21,7 +21,7 @@ from grasptransfer.errors import MeshError
 from grasptransfer.files import replacing
 from grasptransfer.frames import LARGEST_TRANSLATION
 from grasptransfer.meshes import check_precision
-from grasptransfer.solids.bodies import Surface, split_bodies
+from grasptransfer.solids.enclosed import SMALLEST_PART, solids_of, union_of
 from grasptransfer.solids.reduced_hull import reduced_hull
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 VERSION = 3  # of the cached files: raise it when the parts of the same mesh change
 LARGEST_OBJECT = 2.0  # m; beyond it a mesh is in millimetres
-SMALLEST_PART = 1e-10  # m3, a cube of half a millimetre: what remains of a cut
 
 
 @dataclass(frozen=True)
@@ -148,97 +147,18 @@ def _decompose(
 ) -> Decomposition:
     import manifold3d
 
-    solids, left = _solids(vertices, faces)
+    solids, left = solids_of(vertices, faces)
     parts = [part for solid in solids for part in _convex_parts(solid, settings)]
     if left is not None:
         LOG.warning("the mesh is not watertight: mass and inertia are those of its convex parts")
         hulls = _coacd(*left, settings, watertight=False)
         parts += hulls
         solids += [manifold3d.Manifold.hull_points(part) for part in hulls]
-    solid = _union(solids)
+    solid = union_of(solids)
     if solid.volume() < SMALLEST_PART:
         raise MeshError("encloses no volume", key="mesh")
     centre, inertia = _moments(solid)
     return Decomposition(tuple(parts), float(solid.volume()), centre, inertia, left is None)
-
-
-def united(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh | None":
-    """The outer surface of bodies that touch, overlap or are there twice; None where faces enclose nothing.
-
-    Args:
-        mesh: corners that are in one place may be several.
-    """
-    import trimesh
-
-    solids, left = _solids(np.array(mesh.vertices, float), np.array(mesh.faces, np.int64))
-    if left is not None or not solids:
-        return None
-    whole = _union(solids).to_mesh64()
-    vertices = np.asarray(whole.vert_properties)[:, :3]
-    return trimesh.Trimesh(vertices, np.asarray(whole.tri_verts).astype(np.int64), process=False)
-
-
-def _solids(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
-) -> "tuple[list[manifold3d.Manifold], Surface | None]":
-    """The closed bodies of a surface, cavities cut out, and what belongs to none of them."""
-    import trimesh
-
-    welded = trimesh.Trimesh(vertices, faces, process=False)
-    welded.merge_vertices()
-    bodies = split_bodies(np.asarray(welded.vertices), np.asarray(welded.faces, np.int64), faces)
-    surfaces = [surface for body in bodies.closed if (surface := _manifold(*body)) is not None]
-    if len(surfaces) < len(bodies.closed):
-        return [], (np.asarray(welded.vertices), np.asarray(welded.faces, np.int64))
-    return _with_cavities(surfaces), bodies.left
-
-
-def _with_cavities(surfaces: "list[manifold3d.Manifold]") -> "list[manifold3d.Manifold]":
-    """Solids of closed surfaces; one that is turned inwards bounds a cavity, or is just inside out."""
-    solids = [surface for surface in surfaces if surface.volume() > SMALLEST_PART]
-    inverted = [_reversed(surface) for surface in surfaces if surface.volume() < -SMALLEST_PART]
-    if not solids:  # the whole mesh is inside out
-        return inverted
-    for hole in inverted:
-        if any(_same(hole, solid) for solid in solids):
-            continue  # two-sided: the same faces once from outside and once from inside
-        # A surface turned inwards bounds a cavity if something is around it, and else is just inside out.
-        around = [i for i, solid in enumerate(solids) if (hole - solid).volume() < 0.5 * hole.volume()]
-        if not around:
-            solids.append(hole)
-        for i in around:
-            solids[i] = solids[i] - hole
-    return solids
-
-
-def _same(one: "manifold3d.Manifold", other: "manifold3d.Manifold") -> bool:
-    smallest = 1e-6 * one.volume()
-    alike = abs(one.volume() - other.volume()) < smallest
-    return alike and (one - other).volume() < smallest
-
-
-def _manifold(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
-) -> "manifold3d.Manifold | None":
-    import manifold3d
-
-    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
-    return solid if solid.status() == manifold3d.Error.NoError else None
-
-
-def _reversed(solid: "manifold3d.Manifold") -> "manifold3d.Manifold":
-    mesh = solid.to_mesh64()
-    reversed_solid = _manifold(
-        np.asarray(mesh.vert_properties)[:, :3].copy(), np.asarray(mesh.tri_verts)[:, ::-1].astype(np.int64)
-    )
-    assert reversed_solid is not None
-    return reversed_solid
-
-
-def _union(solids: "list[manifold3d.Manifold]") -> "manifold3d.Manifold":
-    import manifold3d
-
-    return manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
 
 
 def _convex_parts(

@@ -45,7 +45,7 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
             f"must hold one flag for each of {len(poses)} grasps", path=path, key=FLAGS, value=flags.shape
         )
     name, scale = _text(fields, FILE, path), _scale(fields, path)
-    gripper = choose_gripper(given, _text(fields, GRIPPER, path), path, GRIPPER)
+    gripper = choose_gripper(given, _text(fields, GRIPPER, path), path, key=GRIPPER)
     confidences = confidences_of(flags, path, FLAGS)
     grasps = numbered(poses @ base_from_tcp(gripper), confidences, [None] * len(poses))
     return GraspSet(grasps, OBJECT, name, scale, gripper)

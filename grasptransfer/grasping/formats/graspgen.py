@@ -41,7 +41,7 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
         raise GraspFileError(
             f"must hold one flag for each of {len(poses)} grasps", path=path, key="grasps.object_in_gripper"
         )
-    gripper = choose_gripper(given, _named(data.get("gripper")), path, "gripper")
+    gripper = choose_gripper(given, _named(data.get("gripper")), path, key="gripper")
     confidences = confidences_of(flags, path, "grasps.object_in_gripper")
     read = numbered(poses @ base_from_tcp(gripper), confidences, [None] * len(poses))
     scale = scale_of(known.get("scale", 1.0), path, "object.scale")

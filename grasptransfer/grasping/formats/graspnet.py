@@ -52,7 +52,7 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
         raise GraspFileError("holds no grasp", path=path)
     if rows.dtype.kind not in "fiu" or not np.isfinite(rows).all():
         raise GraspFileError("must hold finite numbers", path=path, value=rows.dtype)
-    rows, gripper = _of_one_object(rows.astype(float), path), choose_gripper(given, None, path, "gripper")
+    rows, gripper = _of_one_object(rows.astype(float), path), choose_gripper(given, None, path, key="gripper")
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rows[:, 4:13].reshape(-1, 3, 3), rows[:, 13:16]
     poses = rigid_poses(poses, path, "grasps")

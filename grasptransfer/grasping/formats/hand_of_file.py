@@ -18,7 +18,7 @@ AT_REST = 1e-3  # m or rad by which a joint may go beyond its range, from roundi
 
 
 def choose_gripper(
-    given: Gripper | None, named: str | None, path: Path, key: str, *, joints: Iterable[str] = ()
+    given: Gripper | None, named: str | None, path: Path, *, key: str, joints: Iterable[str] = ()
 ) -> Gripper:
     """The gripper whose frames a file means.
 
@@ -61,7 +61,7 @@ def choose_gripper(
     return found
 
 
-def check_joints(joints: Iterable[str], gripper: Gripper, path: Path, key: str) -> None:
+def check_joints(joints: Iterable[str], gripper: Gripper, path: Path, *, key: str) -> None:
     """Refuse joint positions of another gripper.
 
     Raises:
@@ -79,7 +79,7 @@ def check_joints(joints: Iterable[str], gripper: Gripper, path: Path, key: str) 
         )
 
 
-def check_driver(value: float, gripper: Gripper, path: Path, key: str) -> None:
+def check_driver(value: float, gripper: Gripper, path: Path, *, key: str) -> None:
     """Refuse a position that the gripper's driver does not take, of a joint that happens to have its name.
 
     Args:

@@ -93,7 +93,7 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
         file = read_grasp_file(path)
         gripper = file_gripper(file.gripper, path)
         if given is not None and given.name != gripper.name:
-            choose_gripper(given, gripper.name, path, "grasptransfer.gripper")
+            choose_gripper(given, gripper.name, path, key="grasptransfer.gripper")
         grasps = tuple(PlacedGrasp.on_canonical(grasp) for grasp in expand_symmetry(file.grasps))
         return GraspSet(grasps, CANONICAL, gripper=given or gripper)
     model = parse(_FileModel, data, path, error=GraspFileError)
@@ -122,7 +122,7 @@ def _gripper_of(model: _FileModel, given: Gripper | None, path: Path) -> Gripper
     key = next((key for key, name in named.items() if name is not None), "gripper_file")
     entry = next(iter(model.grasps.values()))
     joints = entry.get("cspace_position") if isinstance(entry, dict) else None
-    return choose_gripper(given, named[key], path, key, joints=joints if isinstance(joints, dict) else ())
+    return choose_gripper(given, named[key], path, key=key, joints=joints if isinstance(joints, dict) else ())
 
 
 def _placed(
@@ -213,8 +213,8 @@ def _width(positions: dict[str, float] | None, gripper: Gripper, path: Path, key
     """Opening [m] that belongs to the driver's position, where the file has it."""
     if not positions:
         return None
-    check_joints(positions, gripper, path, key)
+    check_joints(positions, gripper, path, key=key)
     driver = gripper.finger_joints[0]
     value = (positions[driver.name] - driver.offset) / driver.ratio
-    check_driver(value, gripper, path, f"{key}.{driver.name}")
+    check_driver(value, gripper, path, key=f"{key}.{driver.name}")
     return gripper.opening_of(positions)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from grasptransfer.errors import CategoryError, MeshError, SettingsError
 from grasptransfer.meshes import SMALLEST, SUFFIXES, check_points, check_size, read_mesh
-from grasptransfer.solids.decomposition import united
+from grasptransfer.solids.enclosed import united
 from grasptransfer.workshop.building.carving import carved_surface
 from grasptransfer.workshop.building.cloud_files import read_pcd, read_xyz
 
