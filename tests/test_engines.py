@@ -1,5 +1,6 @@
 """Two physics engines behind one seam: either does without the other, and what one lacks is said by name."""
 
+import os
 import subprocess
 import sys
 
@@ -65,8 +66,39 @@ def test_without_any_engine_the_error_says_so(monkeypatch):
 def test_a_result_names_its_engine_and_a_seed_gives_it_again(engine):
     if engine not in installed_engines():
         pytest.skip(f"{engine} is not installed for this Python")
-    first, again = (simulate([MIDDLE], BOX, PANDA, engine=engine, trials=3, seed=4) for _ in range(2))
+    first, again = (simulate([MIDDLE], BOX, PANDA, engine=engine, trials=2, seed=4) for _ in range(2))
     assert {trial.engine for trial in first} == {engine}
     assert first == again
-    assert first != simulate([MIDDLE], BOX, PANDA, engine=engine, trials=3, seed=5)
-    assert simulate([MIDDLE], BOX, PANDA, engine=engine, trials=3, seed=4, workers=2) == first
+    assert first != simulate([MIDDLE], BOX, PANDA, engine=engine, trials=2, seed=5)
+    assert simulate([MIDDLE], BOX, PANDA, engine=engine, trials=2, seed=4, workers=2) == first
+
+
+# A process with a warm world, killed in the middle, and one that ends by itself.
+WARM = """
+import sys, time
+sys.path.insert(0, "tests")
+from simulated_box import BOX, Placed, from_the_side
+import grasptransfer as gt
+gt.simulate([Placed("middle", from_the_side(), width=0.04)], BOX, engine="pybullet")
+print("warm", flush=True)
+{then}
+"""
+
+
+def test_a_killed_process_leaves_no_temporary_folder_behind(tmp_path):
+    if "pybullet" not in installed_engines():
+        pytest.skip("MuJoCo writes no files")
+
+    def start(then):
+        command = [sys.executable, "-c", WARM.format(then=then)]
+        environment = os.environ | {"TMPDIR": str(tmp_path)}
+        return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+
+    with start("time.sleep(60)") as killed, start("time.sleep(60)") as other:
+        assert [process.stdout.readline() for process in (killed, other)] == ["warm\n"] * 2
+        assert len(list(tmp_path.iterdir())) == 2  # that of a process that lives stays
+        killed.kill()
+        other.kill()
+    with start("pass") as last:
+        assert last.stdout.readline() == "warm\n"
+    assert list(tmp_path.iterdir()) == []

@@ -238,4 +238,4 @@ def test_a_negative_approach_and_flat_or_open_meshes_are_refused():
     sheet = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]])
     for bad in (sheet, trimesh.Trimesh(), trimesh.PointCloud(np.random.default_rng(0).random((9, 3)))):
         with pytest.raises(MeshError):
-            simulate([MIDDLE], bad)
+            simulate([MIDDLE], bad)  # pyright: ignore[reportArgumentType]

@@ -12,10 +12,11 @@ from grasptransfer.grasping.gripper import Gripper, load_gripper
 from grasptransfer.grasping.placed_grasp import Executable, PlacedGrasp
 from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.engines import choose_engine
+from grasptransfer.simulation.engines.bullet_files import remove_orphans
 from grasptransfer.simulation.hand import hand_of
 from grasptransfer.simulation.job import Conditions, Job, make_jobs
 from grasptransfer.simulation.ledger import Ledger, read_results
-from grasptransfer.simulation.outcome import TrialResult
+from grasptransfer.simulation.outcome import TrialResult, TrialStatus
 from grasptransfer.simulation.protocol import Perturbation, Protocol, check_perturbation, load_protocol
 from grasptransfer.simulation.setup import Setup, execute, job_key
 
@@ -120,6 +121,8 @@ def simulate(
     finally:
         if ledger is not None:
             ledger.close()
+    if any(result.status is TrialStatus.CRASHED for result in results.values()):
+        remove_orphans()  # of the processes that went down
     return [results[i] for i in range(len(jobs))]
 
 

@@ -7,15 +7,13 @@ other; without them a contact gains one point a step, and a squeezed object wobb
 centimetres.
 """
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.frames import invert, rigid
 from grasptransfer.simulation.body import Body, wavefront
 from grasptransfer.simulation.engines.bullet_client import BASE, Client, quaternion, transform
+from grasptransfer.simulation.engines.bullet_files import OwnedFolder
 from grasptransfer.simulation.engines.bullet_gripper import BulletGripper
 from grasptransfer.simulation.engines.seam import FAR, World
 from grasptransfer.simulation.hand import Hand
@@ -47,8 +45,8 @@ class BulletWorld(World):
         self._shape: int | None = None
         self._loaded: BulletGripper | None = None
         self._others: list[int] = []
-        self._files = tempfile.TemporaryDirectory(prefix="grasptransfer-")
-        self._folder = Path(self._files.name)
+        self._files = OwnedFolder()
+        self._folder = self._files.path
         (self._folder / "object.obj").write_text(wavefront(body.hulls))
         (self._folder / "hand.urdf").write_text(hand.urdf)
         for name, text in hand.meshes:
@@ -57,7 +55,7 @@ class BulletWorld(World):
     def close(self):
         """Disconnect."""
         self._client.close()
-        self._files.cleanup()
+        self._files.close()
 
     def load(self, conditions: Conditions) -> BulletGripper:
         """A fresh gripper, and the object at the origin, always in this order."""

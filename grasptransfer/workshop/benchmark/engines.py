@@ -7,7 +7,7 @@ contacts are computed.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
@@ -120,7 +120,7 @@ def _measure_instance(settings: EngineSettings, category: str, name: str) -> dic
     return {"category": category, "instance": name, "grasps": len(placed), **compared(found)}
 
 
-def compared(found: dict[str, Sequence[TrialResult]]) -> dict[str, Any]:
+def compared(found: Mapping[str, Sequence[TrialResult]]) -> dict[str, Any]:
     """How the same trials ended in each engine.
 
     Args:
