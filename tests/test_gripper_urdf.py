@@ -281,6 +281,12 @@ def test_one_jaw_that_stands_is_planned_with_where_it_is(tmp_path):
     assert meets.touching.all()
     assert not meets.buried.any()
     assert meets.width[0] == pytest.approx(0.03, abs=1e-6)
+    for gap in (1e-9, -1e-9):  # whatever rounding makes of standing against the jaw
+        against = a_box(0.03)
+        against.apply_translation([-0.005 + gap, 0, 0])
+        meets = close_pads(Surface(against), np.eye(4)[None], np.array([0.07]), gripper)
+        assert not meets.buried.any()
+        assert meets.width[0] == pytest.approx(0.03, abs=1e-6)
     cut = close_pads(Surface(a_box(0.06)), np.eye(4)[None], np.array([0.07]), gripper)
     assert cut.buried[0].tolist() == [True, False]
 

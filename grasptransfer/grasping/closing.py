@@ -13,6 +13,7 @@ from grasptransfer.grasping.gripper import SIDE, Gripper
 from grasptransfer.grasping.surface import Surface
 
 RAYS = 5  # per pad side: 25 rays, 4.5 mm apart on a Panda's pad
+GRAZE = 2e-4  # m that an object may reach into a jaw that stands against it already, as in a trial
 TOUCH = 0.001  # m behind the first hit that a soft pad also touches
 
 
@@ -126,7 +127,9 @@ def _close_as(
     origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
     inward = -SIDE[None, :, None] * rotation[:, None, :, 0]
     directions = np.broadcast_to(inward[:, :, None], origins.shape)
-    distance, face_normals = _first_hits(surface, origins, directions)
+    graze = 0.0 if gripper.pads_mirror else GRAZE
+    distance, face_normals = _first_hits(surface, origins - graze * directions, directions)
+    distance = np.maximum(distance - graze, 0.0)
     behind = np.einsum("gprj,gprj->gpr", face_normals, directions) > 0
     # A pad can only touch what lies between the pads.
     within = np.where(distance < opening[:, None, None], distance, np.inf)

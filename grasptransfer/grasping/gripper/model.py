@@ -134,6 +134,11 @@ class Gripper:
         return max(low - stand_out, 0.0)
 
     @property
+    def pads_mirror(self) -> bool:
+        """Whether the pads are at equal distances from the TCP at every opening."""
+        return self._pad_table.mirror
+
+    @property
     def pads_turn(self) -> bool:
         """Whether the pads' faces are not always square to TCP x."""
         return self._pad_table.turns

@@ -90,6 +90,11 @@ class PadTable:
         return PadFaces(across, -normals[..., 1:] / normals[..., :1], normals)
 
     @property
+    def mirror(self) -> bool:
+        """Whether the pads are at equal distances from the TCP at every opening."""
+        return bool(np.all(self.middles == 0))
+
+    @property
     def turns(self) -> bool:
         """Whether a face stands differently at different openings, or not square to TCP x."""
         return bool(np.any(self.normals[..., 1:] != 0))
