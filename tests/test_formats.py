@@ -251,6 +251,8 @@ def test_the_gripper_of_an_isaac_file_is_known_by_its_model_or_its_joints(tmp_pa
     assert read_grasps(by_joint).gripper.name == "robotiq_2f85"
     with pytest.raises(GraspFileError, match=r"not known.*rg2"):
         read_grasps(isaac(tmp_path, gripper_file="bots/onrobot_rg2.usd"))
+    with pytest.raises(GraspFileError, match=r"any of several.*robotiq_2f140, robotiq_2f85"):
+        read_grasps(isaac(tmp_path, gripper_file="bots/robotiq.usd"))
     other = isaac(tmp_path, entry={"cspace_position": {"finger_joint": 0.3}})
     with pytest.raises(GraspFileError, match=r"joints of another gripper than panda.*panda_finger_joint1"):
         read_grasps(other)

@@ -46,19 +46,22 @@ def choose_gripper(
     shipped = [load_gripper(name) for name in list_grippers()]
     if named is None:
         moved = set(joints)
-        driven = (gripper for gripper in shipped if gripper.finger_joints[0].name in moved)
-        return next(driven, load_gripper(DEFAULT))
-    found = next((gripper for gripper in shipped if _same(named, gripper)), None)
-    if found is None:
-        raise GraspFileError(
-            f"is a gripper that is not known, and {DEFAULT} is not assumed for it",
-            path=path,
-            key=key,
-            value=named,
-            choices=list_grippers(),
-            fix="Give its description: --gripper YAML",
-        )
-    return found
+        found = [gripper for gripper in shipped if gripper.finger_joints[0].name in moved]
+        if not found:
+            return load_gripper(DEFAULT)
+    else:
+        found = [gripper for gripper in shipped if _same(named, gripper)]
+        found = [gripper for gripper in found if _letters(gripper.name) == _letters(named)] or found
+    if len(found) == 1:
+        return found[0]
+    raise GraspFileError(
+        "may be any of several grippers" if found else f"is not known, and {DEFAULT} is not assumed for it",
+        path=path,
+        key=key,
+        value=named or sorted(joints),
+        choices=[gripper.name for gripper in found or shipped],
+        fix="Give the gripper of the file: --gripper NAME or YAML",
+    )
 
 
 def check_joints(joints: Iterable[str], gripper: Gripper, path: Path, *, key: str) -> None:
