@@ -13,7 +13,7 @@ from grasptransfer.drawing.boxes import Box
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import check_rigid
 from grasptransfer.perception.picture_camera import camera_of
-from grasptransfer.poses import check_in_view
+from grasptransfer.poses import check_in_view, covariance_of
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 16384  # px
 logger = logging.getLogger(__name__)
@@ -30,6 +30,8 @@ class Observation:
         mask: (h, w) visible pixels of the object, if known.
         box: (u0, v0, u1, v1) around the object [px], if known.
         depth: (h, w) along the optical axis [m], 0 = missing, if measured.
+        pose_covariance: (6, 6) of the pose's error, turn [rad], then shift [m], camera axes; 0: the pose is
+            exact; None: the pose errs as those of real estimators do (`pose_prior.py`).
     """
 
     image: UInt8[np.ndarray, "h w 3"]
@@ -38,9 +40,12 @@ class Observation:
     mask: Bool[np.ndarray, "h w"] | None = None
     box: Box | None = None
     depth: Float[np.ndarray, "h w"] | None = None
+    pose_covariance: Float[np.ndarray, "6 6"] | None = None
 
 
-def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
+def observe(
+    image, pose, *, camera=None, box=None, mask=None, depth=None, pose_sigma=None
+) -> Observation:
     """Check a user's picture, pose and camera.
 
     Args:
@@ -48,8 +53,10 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
         pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None: the focal length in the
             photograph's EXIF data, else 60 degrees horizontal field of view, with a warning.
-        mask: bool (h, w), or box (u0, v0, u1, v1) [px], or None.
+        box: (u0, v0, u1, v1) around the object [px], or None.
+        mask: bool (h, w) of the object's visible part, or, in place of `box`, its four numbers, or None.
         depth: (h, w) metres, 0 = missing, or None.
+        pose_sigma: how sure the pose is, as of `poses.covariance_of`.
 
     Raises:
         ImageError, CameraError, PoseError: with the argument, the value and what to do.
@@ -59,9 +66,12 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
     camera = camera_of(image, camera, width, height)
     camera_from_object = check_rigid(pose, "pose")
     check_in_view(camera_from_object, camera)
-    box = None
+    covariance = covariance_of(pose_sigma)
+    around = None
     if mask is not None:
-        mask, box = _checked_mask(mask, width, height)
+        mask, around = _checked_mask(mask, width, height)
+    if box is not None:
+        around = _box_of(box, width, height)
     if depth is not None:
         depth = _checked_depth(depth, width, height)
     return Observation(
@@ -69,8 +79,9 @@ def observe(image, pose, *, camera=None, mask=None, depth=None) -> Observation:
         camera,
         _kept(camera_from_object),
         None if mask is None else _kept(mask),
-        box,
+        around,
         None if depth is None else _kept(depth),
+        None if covariance is None else _kept(covariance),
     )
 
 
@@ -183,17 +194,29 @@ def _checked_mask(mask, width: int, height: int) -> tuple[np.ndarray | None, Box
     return array, (float(columns[0]), float(rows[0]), float(columns[-1]), float(rows[-1]))
 
 
-def _checked_box(box: Box, width: int, height: int) -> Box:
+def _box_of(box, width: int, height: int) -> Box:
+    """A given box; beside a mask, which may show a part alone, it goes round the whole object."""
+    try:
+        array = np.asarray(box, float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.shape != (4,):
+        raise ImageError("must be four numbers (u0, v0, u1, v1)", key="box", value=box)
+    u0, v0, u1, v1 = (float(value) for value in array)
+    return _checked_box((u0, v0, u1, v1), width, height, key="box")
+
+
+def _checked_box(box: Box, width: int, height: int, *, key: str = "mask") -> Box:
     u0, v0, u1, v1 = box
     if not np.isfinite(box).all() or u1 <= u0 or v1 <= v0:
-        raise ImageError("box must be (u0, v0, u1, v1) with u0 < u1 and v0 < v1", key="mask", value=box)
+        raise ImageError("box must be (u0, v0, u1, v1) with u0 < u1 and v0 < v1", key=key, value=box)
     if u1 < 0 or v1 < 0 or u0 > width or v0 > height:
-        raise ImageError(f"box lies outside the picture of {width} x {height}", key="mask", value=box)
+        raise ImageError(f"box lies outside the picture of {width} x {height}", key=key, value=box)
     # An object half in view may be boxed whole; more than a picture beyond is a box of another picture.
     if u0 < -width or v0 < -height or u1 > 2 * width or v1 > 2 * height:
         fix = "Is it in pixels of another size of the picture?"
         raise ImageError(
-            f"box goes far beyond the picture of {width} x {height}", key="mask", value=box, fix=fix
+            f"box goes far beyond the picture of {width} x {height}", key=key, value=box, fix=fix
         )
     return box
 

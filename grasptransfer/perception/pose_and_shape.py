@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.camera import Camera
-from grasptransfer.frames import drift, moved
+from grasptransfer.frames import moved
+from grasptransfer.perception.pose_prior import PosePrior
 from grasptransfer.perception.silhouette import Meetings, Silhouette
-from grasptransfer.registration import DisplacementModel, PosePrior, motion_along
+from grasptransfer.registration import DisplacementModel, motion_along
 
 # Neighbouring cells err together, and much of what they say the latent prior from the same picture has
 # said already, above all of depth: all cells count as much as this many independent ones.
@@ -22,9 +23,6 @@ INDEPENDENT_FLOWS, INDEPENDENT_OFFSETS = 3.0, 0.3
 ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
 LONGEST_STEP = (0.2, 0.05, 2.0)  # rad, m, standard deviations: beyond, a linear model says nothing
-TAIL = 3.0  # degrees of freedom of the pose prior, a Student t distribution
-LIKE_ACROSS = 0.5  # the error of the told distance has the variance that one axis across the ray shows
-TOLD_POSE = PosePrior(np.deg2rad(1.0), 0.005)  # how far a told pose may be wrong
 # When the vertices on the outline are searched: once flow and offsets have brought it near, and then
 # again; after that they stay, or the fit would jump between neighbouring vertices for ever.
 OUTLINE_SEARCHES = (3, 6, 9)
@@ -99,7 +97,6 @@ def fit_pose_and_shape(
     model: DisplacementModel,
     *,
     camera: Camera,
-    told_pose: Float[np.ndarray, "4 4"],
     start_pose: Float[np.ndarray, "4 4"],
     pose_prior: PosePrior | None,
     latent_prior: LatentPrior | None = None,
@@ -111,16 +108,15 @@ def fit_pose_and_shape(
         points: (c, 3) canonical points of the cells [m].
         model: of their displacement by the latent, `ShapeSpace.displacement_model(points)`.
         camera: of the zoomed picture.
-        told_pose: `camera_from_object` that the prior is about.
         start_pose: `camera_from_object` to start from.
-        pose_prior: None trusts the start pose and fits the latent alone.
+        pose_prior: of the pose about the given one; None trusts the start pose and fits the latent alone.
         latent_prior: None takes the shape space's own, zero mean and unit deviation.
         outline: the predicted mask, and the model's surface whose outline must meet it.
     """
     size = model.n_modes
     latent_prior = latent_prior or LatentPrior(np.zeros(size), np.ones(size))
     evidence = _Evidence(motion, points, model, camera, outline)
-    prior = _Prior(told_pose, pose_prior, latent_prior)
+    prior = _Prior(pose_prior, latent_prior)
     pose, latent = start_pose, latent_prior.mean
     free = slice(0, None) if pose_prior is not None else slice(6, None)
     longest = np.concatenate([np.repeat(LONGEST_STEP[:2], 3), np.full(size, LONGEST_STEP[2])])
@@ -173,39 +169,19 @@ class _Evidence:
 
 @dataclass(frozen=True)
 class _Prior:
-    """What was told of the pose, and what is known of the latent."""
+    """What is known of the pose, and of the latent."""
 
-    told_pose: Float[np.ndarray, "4 4"]
     pose: PosePrior | None
     latent: LatentPrior
 
     def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
         """Hessian and gradient."""
-        astray = np.concatenate([drift(self.told_pose, pose), latent - self.latent.mean])
-        hold = np.diag(np.concatenate([np.zeros(6), self.latent.deviation**-2]))
+        precision = self.latent.deviation**-2
+        hold = np.diag(np.concatenate([np.zeros(6), precision]))
+        pull = np.concatenate([np.zeros(6), precision * (latent - self.latent.mean)])
         if self.pose is not None:
-            hold[:3, :3] = _tail_weight(astray[:3] / self.pose.rotation) / self.pose.rotation**2 * np.eye(3)
-            hold[3:6, 3:6] = self._hold_of_shift(astray[3:6], self.pose.translation)
-        return hold, hold @ astray
-
-    def _hold_of_shift(self, shift, deviation: float) -> Float[np.ndarray, "3 3"]:
-        """The picture shows how far the place was wrong across the ray: as far it may be along the ray."""
-        ray = self.told_pose[:3, 3] / np.linalg.norm(self.told_pose[:3, 3])
-        along = np.outer(ray, ray)
-        across = shift - along @ shift
-        distance_variance = deviation**2 + LIKE_ACROSS * (across @ across)
-        return (
-            along / distance_variance + (np.eye(3) - along) * _tail_weight(across / deviation) / deviation**2
-        )
-
-
-def _tail_weight(astray: Float[np.ndarray, "3"]) -> float:
-    """How much of the prior's hold is left: told poses are mostly good, but a bad one is far off.
-
-    Args:
-        astray: the drift in standard deviations.
-    """
-    return 1 / (1 + float(astray @ astray) / TAIL)
+            hold[:6, :6], pull[:6] = self.pose.quadratic(pose)
+        return hold, pull
 
 
 def _offset_terms(motion: Motion, model: DisplacementModel, latent):

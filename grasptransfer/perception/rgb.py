@@ -29,19 +29,18 @@ from grasptransfer.perception.networks import (
 )
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import (
-    TOLD_POSE,
     LatentPrior,
     Motion,
     Outline,
     PoseAndShape,
     fit_pose_and_shape,
 )
+from grasptransfer.perception.pose_prior import PosePrior
 from grasptransfer.perception.precision import answer_precision, arithmetic
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
 from grasptransfer.perception.zoom import MASK_STRIDE, centre_on_box, zoom_camera, zoom_mask, zoom_picture
-from grasptransfer.registration import PosePrior
 from grasptransfer.registration.blas_threads import single_blas_thread
 
 LOOKS = 2
@@ -76,7 +75,7 @@ class RgbEstimator:
 
     Args:
         weights: a `.safetensors` file; None takes the one shipped for the category.
-        refine_pose: fit the pose together with the shape.
+        refine_pose: fit the pose together with the shape; without, every given pose is taken as exact.
         device: "auto", "cpu" or "cuda".
         precision: see `precision.PRECISIONS`.
     """
@@ -87,13 +86,11 @@ class RgbEstimator:
         *,
         weights: Path | None = None,
         refine_pose: bool = True,
-        pose_prior: PosePrior | None = None,
         device: str = "auto",
         precision: str = "auto",
     ):
         self.category, self.refine_pose = category, refine_pose
         self._model = ShapedModel(category)
-        self.pose_prior = pose_prior or TOLD_POSE
         path = weights or find_weights(category)
         self.network, info = load_weights(path)
         self.confidence = info.confidence
@@ -110,7 +107,10 @@ class RgbEstimator:
     def assess(self, observation: Observation) -> tuple[ShapeEstimate, Evidence]:
         """The estimate, and what its `category_score` rests on."""
         clock = _Clock()
-        pose, latent = self._start(observation), np.zeros(self.category.shape_space.n_modes)
+        prior = PosePrior.of(observation.camera_from_object, observation.pose_covariance)
+        prior = prior if self.refine_pose else None
+        pose = observation.camera_from_object if prior is None else self._start(observation)
+        latent = np.zeros(self.category.shape_space.n_modes)
         astray = False
         # The second look compares the picture with what the first one made of it.
         for number in range(LOOKS):
@@ -128,9 +128,8 @@ class RgbEstimator:
                     look.view.cell_points,
                     self.category.shape_space.displacement_model(look.view.cell_points),
                     camera=look.camera,
-                    told_pose=observation.camera_from_object,
                     start_pose=pose,
-                    pose_prior=self.pose_prior if self.refine_pose else None,
+                    pose_prior=prior,
                     latent_prior=look.latent,
                     outline=self._outline(look),
                 )
@@ -154,9 +153,9 @@ class RgbEstimator:
         return estimate, found
 
     def _start(self, observation: Observation) -> Float[np.ndarray, "4 4"]:
-        """The told pose; one that lies far from the told box is first centred on it, as in training."""
+        """The given pose; one that lies far from the given box is first centred on it, as in training."""
         pose, camera, box = observation.camera_from_object, observation.camera, observation.box
-        if not self.refine_pose or box is None:
+        if box is None:
             return pose
         u0, v0, u1, v1 = projected_box(self._vertices, camera, pose)
         aside = np.hypot(box[0] + box[2] - u0 - u1, box[1] + box[3] - v0 - v1) / 2
