@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from grasptransfer.grasping import CheckStatus, GraspCheck, Gripper, Scene, WarpedGrasp
     from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
     from grasptransfer.perception.observation import Observation
+    from grasptransfer.perception.pose_prior import PoseDeviation
     from grasptransfer.registration import DeformationField
 
 
@@ -112,7 +113,7 @@ class TransferResult:
         estimate: shape and pose, as the estimator gave them.
         timings: seconds per stage.
         category, gripper: loaded.
-        observation: what was seen and told.
+        observation: what was seen and given.
         scene: obstacles, or None.
     """
 
@@ -149,6 +150,16 @@ class TransferResult:
     def latent_covariance(self) -> Float[np.ndarray, "k k"] | None:
         """(k, k) posterior covariance of `latent`, where the estimator has it."""
         return self.estimate.latent_covariance
+
+    @property
+    def pose_sigma_prior(self) -> PoseDeviation | None:
+        """How sure the given pose was taken to be; None where it was exact, or the estimator asks none."""
+        return self.estimate.pose_sigma_prior
+
+    @property
+    def pose_sigma_posterior(self) -> PoseDeviation | None:
+        """How sure the pose is, the picture seen; None where the estimator does not say."""
+        return self.estimate.pose_sigma_posterior
 
     @property
     def mask(self) -> Bool[np.ndarray, "h w"] | None:

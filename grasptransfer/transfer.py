@@ -65,7 +65,8 @@ class GraspTransfer:
         category: name, folder or loaded `Category`.
         gripper: name, YAML path or loaded `Gripper`.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
-        refine_pose: fit the pose together with the shape, where the estimator can.
+        refine_pose: fit the pose together with the shape, where the estimator can; without, every pose is
+            taken as exact.
         device: "auto", "cpu" or "cuda".
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
@@ -94,7 +95,17 @@ class GraspTransfer:
         self.seed = seed
 
     def transfer(
-        self, image, pose, *, camera=None, mask=None, depth=None, scene=None, strict: bool = False
+        self,
+        image,
+        pose,
+        *,
+        camera=None,
+        box=None,
+        mask=None,
+        depth=None,
+        scene=None,
+        pose_sigma=None,
+        strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`.
 
@@ -103,7 +114,9 @@ class GraspTransfer:
         """
         from grasptransfer.perception.observation import observe
 
-        observation = observe(image, pose, camera=camera, mask=mask, depth=depth)
+        observation = observe(
+            image, pose, camera=camera, box=box, mask=mask, depth=depth, pose_sigma=pose_sigma
+        )
         scene = _checked_scene(scene)
         clock = time.perf_counter()
         estimate = self.estimator(observation)
@@ -193,10 +206,12 @@ def transfer_grasps(
     *,
     camera=None,
     gripper: str | Path | Gripper = "panda",
+    box=None,
     mask=None,
     depth=None,
     scene: Scene | str | Path | None = None,
     estimator: str | Estimator = "rgb",
+    pose_sigma=None,
     refine_pose: bool = True,
     device: str = "auto",
     precision: str = "auto",
@@ -214,12 +229,15 @@ def transfer_grasps(
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for 60 degrees horizontal field
             of view.
         gripper: name, YAML path or loaded `Gripper`.
-        mask: bool (h, w) of what is seen of the object, taken as it is; or a box (u0, v0, u1, v1) [px] around
-            it, as a detector gives; or None.
+        box: (u0, v0, u1, v1) around the object [px], as a detector gives it, or None.
+        mask: bool (h, w) of what is seen of the object, taken as it is, or None; a box is taken here, too.
         depth: (h, w) metres, 0 = missing; for the estimators that use depth.
         scene: obstacles and a support plane, or the path of a scene YAML; optional.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
-        refine_pose: fit the pose together with the shape.
+        pose_sigma: how sure the pose is: None, as those of real estimators (`perception/pose_prior.py`); 0,
+            exact; (translation [m], rotation [deg]), standard deviations along and about each axis; or a
+            (6, 6) covariance, turn [rad] about the object's origin, then shift [m], along camera axes.
+        refine_pose: fit the pose together with the shape; without, the pose is taken as exact.
         device: "auto", "cpu" or "cuda".
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
@@ -237,7 +255,17 @@ def transfer_grasps(
         precision=precision,
         seed=seed,
     )
-    return flow.transfer(image, pose, camera=camera, mask=mask, depth=depth, scene=scene, strict=strict)
+    return flow.transfer(
+        image,
+        pose,
+        camera=camera,
+        box=box,
+        mask=mask,
+        depth=depth,
+        scene=scene,
+        pose_sigma=pose_sigma,
+        strict=strict,
+    )
 
 
 def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:

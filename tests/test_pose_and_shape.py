@@ -9,8 +9,10 @@ from scipy.spatial.transform import Rotation
 from grasptransfer.camera import Camera
 from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import rotation_angle, transform_points
-from grasptransfer.perception.pose_and_shape import TOLD_POSE, Motion, fit_pose_and_shape
-from grasptransfer.registration import DisplacementModel, PosePrior
+from grasptransfer.perception.pose_and_shape import Motion, fit_pose_and_shape
+from grasptransfer.perception.pose_prior import PosePrior
+from grasptransfer.poses import covariance_of
+from grasptransfer.registration import DisplacementModel
 
 CAMERA = Camera.from_fov(256, 192, np.deg2rad(40))
 
@@ -32,10 +34,9 @@ def _motion(points, model, pose, latent, scale=1.0):
     return Motion(offsets, np.full(len(points), 1e-4 * scale), pixels, np.full(len(points), 0.05 * scale))
 
 
-def _fit(motion, points, model, told, pose_prior: PosePrior | None = TOLD_POSE):
-    return fit_pose_and_shape(
-        motion, points, model, camera=CAMERA, told_pose=told, start_pose=told, pose_prior=pose_prior
-    )
+def _fit(motion, points, model, given_pose, pose_sigma=None):
+    prior = PosePrior.of(given_pose, covariance_of(pose_sigma))
+    return fit_pose_and_shape(motion, points, model, camera=CAMERA, start_pose=given_pose, pose_prior=prior)
 
 
 @given(st.integers(0, 1000))
@@ -43,10 +44,10 @@ def _fit(motion, points, model, told, pose_prior: PosePrior | None = TOLD_POSE):
 @example(187)
 def test_exact_motion_gives_the_true_pose_and_latent(seed):
     rng, points, model, pose, latent = _case(seed)
-    told = pose.copy()
-    told[:3, :3] = Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix() @ told[:3, :3]
-    told[:3, 3] += rng.uniform(-0.03, 0.03, 3)
-    fit = _fit(_motion(points, model, pose, latent, scale=0.1), points, model, told)
+    given_pose = pose.copy()
+    given_pose[:3, :3] = Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix() @ given_pose[:3, :3]
+    given_pose[:3, 3] += rng.uniform(-0.03, 0.03, 3)
+    fit = _fit(_motion(points, model, pose, latent, scale=0.1), points, model, given_pose)
     assert fit.converged
     # The priors pull a little: ten independent cells leave about a millimetre of depth.
     assert np.linalg.norm(fit.camera_from_object[:3, 3] - pose[:3, 3]) < 2e-3
@@ -54,9 +55,9 @@ def test_exact_motion_gives_the_true_pose_and_latent(seed):
     np.testing.assert_allclose(fit.latent, latent, atol=0.05)
 
 
-def test_a_kept_pose_stays_exactly_as_told():
+def test_a_kept_pose_stays_exactly_as_given():
     _, points, model, pose, latent = _case(1)
-    fit = _fit(_motion(points, model, pose, latent), points, model, pose, pose_prior=None)
+    fit = _fit(_motion(points, model, pose, latent), points, model, pose, pose_sigma=0)
     np.testing.assert_array_equal(fit.camera_from_object, pose)
     assert (fit.covariance[:6] == 0).all()
 
@@ -84,8 +85,8 @@ def test_the_distance_may_move_as_far_as_the_place_across_the_ray_was_wrong(alon
     _, points, model, pose, latent = _case(4)
     left = []
     for across in (0.0, 0.04):
-        told = pose.copy()
-        told[:3, 3] += [across, 0, along]
-        fit = _fit(_motion(points, model, pose, latent, scale=3.0), points, model, told)
+        given_pose = pose.copy()
+        given_pose[:3, 3] += [across, 0, along]
+        fit = _fit(_motion(points, model, pose, latent, scale=3.0), points, model, given_pose)
         left.append(abs(fit.camera_from_object[2, 3] - pose[2, 3]))
     assert left[1] < 0.8 * left[0]

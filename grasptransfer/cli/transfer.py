@@ -39,6 +39,7 @@ def transfer(
     mask: Path | None = None,
     box: tuple[float, float, float, float] | None = None,
     execute: Path | None = None,
+    pose_sigma: tuple[float, ...] | None = None,
     refine_pose: bool = True,
     estimator: EstimatorName = "rgb",
     depth: Path | None = None,
@@ -58,9 +59,11 @@ def transfer(
         gripper: name, or YAML of your own.
         scene: YAML with obstacles and a support plane.
         mask: picture that is white on the object.
-        box: instead of a mask: u0 v0 u1 v1 around the object [px], as any detector gives it.
+        box: u0 v0 u1 v1 around the object [px], as any detector gives it.
         execute: true mesh of the instance [m], standing at the given pose; the grasps are executed on it.
-        refine_pose: fit the pose together with the shape.
+        pose_sigma: how sure the pose is: 0, exact; or standard deviations in metres and degrees; without it,
+            the pose file's pose_sigma counts, or else the errors of real pose estimators.
+        refine_pose: fit the pose together with the shape; without, the pose is taken as exact.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
         device: auto, cpu or cuda.
         precision: auto (float32), float32 or bfloat16, of networks.
@@ -80,6 +83,7 @@ def transfer(
         depth=depth,
         execute=execute,
         estimator=estimator,
+        pose_sigma=pose_sigma[0] if pose_sigma is not None and len(pose_sigma) == 1 else pose_sigma,
         refine_pose=refine_pose,
         device=device,
         precision=precision,

@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from grasptransfer.perception.observation import Observation
+from grasptransfer.perception.pose_prior import PoseDeviation
 from grasptransfer.registration import DeformationField
 
-TOLD_RIGHT = 0.95  # share of the pictures that show the category they are said to show
+NAMED_RIGHT = 0.95  # share of the pictures that show the category they are said to show
 
 
 class EstimateStatus(enum.Enum):
@@ -41,11 +42,12 @@ class ShapeEstimate:
         camera_from_object: (4, 4) the pose, refined where the estimator does that.
         latent: (k,) coordinates of `field` in the shape space, standard deviations from the mean.
         covariance: (6 + k, 6 + k) joint posterior of turn about the object's origin [rad] and shift [m],
-            camera axes, and `latent`; 0 where a pose was taken as told.
-        mask: (h, w) pixels of the object: the told mask, or else the predicted one.
+            camera axes, and `latent`; 0 where a pose was taken as given.
+        mask: (h, w) pixels of the object: the given mask, or else the predicted one.
         category_score: chance that the object is of the category, had own objects and strangers been alike
             likely before, in [0, 1]; None where the estimator does not judge it.
         status: outcome.
+        pose_sigma_prior: how sure the given pose was taken to be; None where it was not asked.
         timings: seconds per stage.
     """
 
@@ -56,15 +58,23 @@ class ShapeEstimate:
     mask: Bool[np.ndarray, "h w"] | None = None
     category_score: float | None = None
     status: EstimateStatus = EstimateStatus.OK
+    pose_sigma_prior: PoseDeviation | None = None
     timings: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def trust(self) -> float:
-        """Chance that the object is of the told category: that is mostly right, before one looks."""
+        """Chance that the object is of the named category: that is mostly right, before one looks."""
         if self.category_score is None:
             return 1.0
-        own, stranger = TOLD_RIGHT * self.category_score, (1 - TOLD_RIGHT) * (1 - self.category_score)
+        own, stranger = NAMED_RIGHT * self.category_score, (1 - NAMED_RIGHT) * (1 - self.category_score)
         return own / (own + stranger)
+
+    @property
+    def pose_sigma_posterior(self) -> PoseDeviation | None:
+        """How sure the pose is, the picture seen; 0 where it was taken as given."""
+        if self.covariance is None:
+            return None
+        return PoseDeviation.of(self.camera_from_object, self.covariance[:6, :6])
 
     @property
     def latent_covariance(self) -> Float[np.ndarray, "k k"] | None:
@@ -73,7 +83,7 @@ class ShapeEstimate:
 
 
 def with_certain_pose(latent_covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "s s"]:
-    """The joint covariance of an estimate that takes its pose as told."""
+    """The joint covariance of an estimate that takes its pose as given."""
     size = len(latent_covariance)
     covariance = np.zeros((6 + size, 6 + size))
     covariance[6:, 6:] = latent_covariance

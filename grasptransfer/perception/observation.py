@@ -43,9 +43,7 @@ class Observation:
     pose_covariance: Float[np.ndarray, "6 6"] | None = None
 
 
-def observe(
-    image, pose, *, camera=None, box=None, mask=None, depth=None, pose_sigma=None
-) -> Observation:
+def observe(image, pose, *, camera=None, box=None, mask=None, depth=None, pose_sigma=None) -> Observation:
     """Check a user's picture, pose and camera.
 
     Args:

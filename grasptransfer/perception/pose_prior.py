@@ -50,6 +50,11 @@ class PosePrior:
         floored = np.maximum(variances, SUREST**2)
         return cls(camera_from_object, (axes * floored) @ axes.T)
 
+    @property
+    def deviation(self) -> "PoseDeviation":
+        """Along the ray, across it, and of the turn."""
+        return PoseDeviation.of(self.camera_from_object, self.covariance)
+
     def quadratic(self, pose: Float[np.ndarray, "4 4"]) -> tuple[Float[np.ndarray, "6 6"], np.ndarray]:
         """Hessian and gradient (6,) of the negative log prior at a pose; the farther, the weaker its hold."""
         off = drift(self.camera_from_object, pose)

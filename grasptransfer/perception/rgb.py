@@ -44,7 +44,7 @@ from grasptransfer.perception.zoom import MASK_STRIDE, centre_on_box, zoom_camer
 from grasptransfer.registration.blas_threads import single_blas_thread
 
 LOOKS = 2
-ROUGH = 0.2  # of the told box's side: a pose that misses its centre by more is centred on it first
+ROUGH = 0.2  # of the given box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 NEAREST = 0.03  # m before the camera: a model that comes nearer, or lies behind it, fills no picture
 
@@ -58,7 +58,7 @@ class Look:
         view: the model as assumed: pose and latent.
         motion: predicted motion of its visible cells from the canonical model.
         latent: what the picture as a whole says of the latent.
-        object_probability: (h / 4, w / 4) of the zoomed picture: as told, else as predicted.
+        object_probability: (h / 4, w / 4) of the zoomed picture: as given, else as predicted.
         match: probability that the object is of the category.
     """
 
@@ -148,6 +148,7 @@ class RgbEstimator:
             mask=_whole_mask(look, observation.camera),
             category_score=score,
             status=status if score >= self.confidence.accepted_score else EstimateStatus.OUT_OF_CATEGORY,
+            pose_sigma_prior=None if prior is None else prior.deviation,
             timings=clock.seconds,
         )
         return estimate, found

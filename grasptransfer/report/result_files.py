@@ -19,6 +19,7 @@ from grasptransfer.grasping import PlacedGrasp
 from grasptransfer.grasping.formats import GraspSet, isaac_grasp
 
 if TYPE_CHECKING:
+    from grasptransfer.perception.pose_prior import PoseDeviation
     from grasptransfer.result import TransferredGrasp, TransferResult
 
 GRASPS, RECONSTRUCTION, FIELD, RESULT = "grasps.yaml", "reconstruction.glb", "field.npz", "result.yaml"
@@ -90,8 +91,10 @@ def as_data(result: "TransferResult") -> dict:
             "sha256": hashlib.sha256(observation.image.tobytes()).hexdigest(),
         },
         "camera": {name: float(getattr(observation.camera, name)) for name in ("fx", "fy", "cx", "cy")},
-        "told_camera_from_object": _rows(observation.camera_from_object),
+        "given_camera_from_object": _rows(observation.camera_from_object),
         "camera_from_object": _rows(result.camera_from_object),
+        "pose_sigma_prior": _deviation(result.pose_sigma_prior),
+        "pose_sigma_posterior": _deviation(result.pose_sigma_posterior),
         "extents": _numbers(result.mesh.extents),
         "latent": None if result.latent is None else _numbers(result.latent),
         "latent_std": None
@@ -130,6 +133,14 @@ def _placed(grasp: "TransferredGrasp") -> PlacedGrasp:
         confidence=float(np.clip(grasp.score, 0, 1)),
         opening=grasp.opening,
     )
+
+
+def _deviation(sigma: "PoseDeviation | None") -> dict[str, float] | None:
+    """Metres and degrees."""
+    if sigma is None:
+        return None
+    names = {"along_ray": sigma.along_ray, "across_ray": sigma.across_ray, "turn_degrees": sigma.turn}
+    return {name: round(value, 6) for name, value in names.items()}
 
 
 def _numbers(values) -> list[float]:

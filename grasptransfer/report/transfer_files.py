@@ -13,14 +13,14 @@ import trimesh
 from jaxtyping import Bool, Float
 from PIL import Image
 
-from grasptransfer.errors import ImageError, SettingsError
+from grasptransfer.errors import ImageError
 from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene, placed_at
 from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.observation import read_image
 from grasptransfer.perception.picture_camera import camera_of
-from grasptransfer.poses import load_pose
+from grasptransfer.poses import PoseSigma, read_pose
 from grasptransfer.report.page import headline, write_page
 from grasptransfer.report.result_files import GRASPS, RECONSTRUCTION, check_folder, save_result
 from grasptransfer.report.scene_view import best_of_each_label, scene_glb
@@ -70,6 +70,7 @@ def run_transfer(
     depth: Path | None = None,
     execute: Path | None = None,
     estimator: str = "rgb",
+    pose_sigma: PoseSigma | None = None,
     refine_pose: bool = True,
     device: str = "auto",
     precision: str = "auto",
@@ -80,22 +81,23 @@ def run_transfer(
     Args:
         image, pose, camera, mask, depth, scene: files, as the command line describes them.
         category, gripper: names, or paths of one's own.
-        box: (u0, v0, u1, v1) around the object [px], instead of a mask.
-        execute: mesh of the instance, object frame [m]; it stands at the pose that was told.
+        box: (u0, v0, u1, v1) around the object [px].
+        execute: mesh of the instance, object frame [m]; it stands at the given pose.
+        pose_sigma: how sure the pose is, as of `transfer_grasps`; None takes what the pose file says.
         out: folder, made where it is missing; files of the same names are replaced.
 
     Raises:
         GraspTransferError: wrong input; nothing is written then.
     """
     check_folder(out, "out")
-    if mask is not None and box is not None:
-        raise SettingsError("tells again what the mask tells", key="box", value=box, fix="Give one of them")
-    pixels, told = read_image(image), load_pose(pose, image=image)
+    pixels, given = read_image(image), read_pose(pose, image=image)
     seen = {
         "camera": camera_of(image, camera, *pixels.shape[1::-1]),
-        "mask": box if mask is None else load_mask(mask),
+        "box": box,
+        "mask": None if mask is None else load_mask(mask),
         "depth": None if depth is None else load_depth(depth),
         "scene": None if scene is None else load_scene(scene),
+        "pose_sigma": given.pose_sigma if pose_sigma is None else pose_sigma,
     }
     true_mesh = None if execute is None else load_mesh(execute)
     flow = GraspTransfer(
@@ -107,8 +109,8 @@ def run_transfer(
         precision=precision,
         seed=seed,
     )
-    result = flow.transfer(pixels, told, **seen)
-    trials = () if true_mesh is None else execute_best(result, true_mesh, told, seed=seed)
+    result = flow.transfer(pixels, given.camera_from_object, **seen)
+    trials = () if true_mesh is None else execute_best(result, true_mesh, given.camera_from_object, seed=seed)
     return write_outcome(result, trials, true_mesh, out)
 
 

@@ -117,18 +117,19 @@ class Service:
         flow = self._flow(
             _one_of(request["category"], self.categories, "category"),
             _one_of(request.get("gripper") or self.grippers[0], self.grippers, "gripper"),
-            _one_of(request.get("estimator") or "rgb", ESTIMATORS, "estimator"),
+            _one_of(request.get("estimator") or "rgb", tuple(ESTIMATORS), "estimator"),
             bool(request.get("refine_pose", True)),
             request.get("seed", 0),
         )
-        mask = arrays.get("mask", tuple(arrays["box"]) if "box" in arrays else None)
         result = flow.transfer(
             image,
             requests.array(request["pose"], "pose"),
             camera=requests.camera_of(request.get("camera"), width, height),
-            mask=mask,
+            box=arrays.get("box"),
+            mask=arrays.get("mask"),
             depth=arrays.get("depth"),
             scene=requests.scene_of(request.get("scene")),
+            pose_sigma=request.get("pose_sigma"),
         )
         return {"ok": True, **_result(result, mesh=bool(request.get("mesh")))}
 
