@@ -164,7 +164,6 @@ def test_grasps_of_another_canonical_model_are_refused(files, capsys, tmp_path, 
     ("told", "word"),
     [
         (["--box", "5", "5", "2", "2"], "(5.0, 5.0, 2.0, 2.0)"),
-        (["--box", "284", "183", "404", "340", "--mask", "empty_mask.png"], "Give one of them"),
     ],
 )
 def test_a_wrong_box_is_explained(told, word, files, capsys, tmp_path, monkeypatch):
@@ -174,6 +173,16 @@ def test_a_wrong_box_is_explained(told, word, files, capsys, tmp_path, monkeypat
     assert code == 2
     assert "box" in err
     assert word in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_uncertainty_that_is_none_is_explained(files, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(files)
+    given = ["--category", "mug", "--pose", "pose.yaml", "--camera", "camera.yaml", "--estimator", "rigid"]
+    out = ["--out", str(tmp_path / "out")]
+    code, _, err = _run(["transfer", "picture.png", *given, "--pose-sigma", "0.01", *out], capsys)
+    assert code == 2
+    assert "pose_sigma" in err
     assert not (tmp_path / "out").exists()
 
 

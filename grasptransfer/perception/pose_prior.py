@@ -1,10 +1,10 @@
 """What is known of a given pose before the picture is looked at: a prior with heavy tails around it.
 
 Three estimators that read poses from RGB, with the CAD model at hand, err along the ray by 0.5 to 1.1 % of
-the distance in the median, across it by 0.4 to 0.5 %, and turn by 2.4 to 3.0 degrees (BOP submissions of EPOS,
-GDRNPP and ZebraPose on 27 photographs of one drill, 0.6 to 1.2 m away). A tenth errs two to three times as
-much: the prior is a Student t distribution over turn and shift together, as a pose that is far off across
-the ray mostly is so along it, too.
+the distance in the median, across it by 0.4 to 0.5 %, and turn by 2.4 to 3.0 degrees (BOP submissions of
+EPOS, GDRNPP and ZebraPose on 27 photographs of one drill, 0.6 to 1.2 m away). A tenth errs two to three
+times as much: the prior is a Student t distribution over turn and shift together, as a pose that is far off
+across the ray mostly is so along it, too.
 """
 
 from dataclasses import dataclass
