@@ -34,7 +34,7 @@ def grasp(
     workers: Workers = 2,
     seed: int = 0,
 ) -> int:
-    """Grasp success in PyBullet, on the true mesh, of rgb and the baselines.
+    """Grasp success in physics, on the true mesh, of rgb and the baselines.
 
     Args:
         objects: random shapes of each category instead of the test instances; 0: none.
