@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
+from jaxtyping import Float
 
 from grasptransfer.category import Category, load_category
 from grasptransfer.errors import CategoryError, NotSucceeded, SceneError, check_seed
@@ -282,7 +283,7 @@ def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:
 
 
 def reconstruct(
-    category: Category, field: DeformationField, *, latent: Float[np.ndarray, k] | None = None
+    category: Category, field: DeformationField, *, latent: Float[np.ndarray, " k"] | None = None
 ) -> trimesh.Trimesh:
     """The canonical mesh warped by a field: the whole instance, its hidden side too (paper, eq. 6).
 

@@ -101,8 +101,8 @@ def _boxes(gripper: Gripper, opening: float) -> _Boxes:
     turns, middles = gripper_from_boxes[:, :3, :3].transpose(0, 2, 1), gripper_from_boxes[:, :3, 3]
     around = np.einsum("bij,bi->bj", np.abs(turns), halves)
     places = -np.einsum("bij,bj->bi", turns, middles)
-    single = (np.ascontiguousarray(part, np.float32) for part in (turns, places, halves))
-    return _Boxes(*single, np.stack([middles - around, middles + around]))
+    turns, places, halves = (np.ascontiguousarray(part, np.float32) for part in (turns, places, halves))
+    return _Boxes(turns, places, halves, np.stack([middles - around, middles + around]))
 
 
 def _swept(
