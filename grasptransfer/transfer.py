@@ -37,10 +37,10 @@ from grasptransfer.grasping import (
     refine_grasps,
     warp_grasps,
 )
+from grasptransfer.jobs import single_blas_thread
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.registration import DeformationField
 from grasptransfer.registration import register_pair as pair_fields
-from grasptransfer.registration.blas_threads import single_blas_thread
 from grasptransfer.registration.field import FieldPair
 from grasptransfer.result import TransferredGrasp, TransferResult
 

@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from scipy.spatial.transform import Rotation
 
 from grasptransfer.errors import GraspTransferError
 from grasptransfer.frames import rigid
@@ -33,16 +34,7 @@ class Quaternion(Strict):
 
     def matrix(self) -> np.ndarray:
         """Rotation matrix (3, 3)."""
-        w, (x, y, z) = self.w, self.xyz
-        q = np.array([w, x, y, z]) / np.linalg.norm([w, x, y, z])
-        w, x, y, z = q
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return Rotation.from_quat([*self.xyz, self.w]).as_matrix()
 
     def norm(self) -> float:
         """Length; 1 for a rotation."""
@@ -62,8 +54,6 @@ class RigidPose(Strict):
 
 def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
     """Unit quaternion (w, x, y, z), w >= 0, of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
     x, y, z, w = Rotation.from_matrix(rotation).as_quat()
     sign = -1.0 if w < 0 else 1.0
     return (sign * float(w), sign * float(x), sign * float(y), sign * float(z))

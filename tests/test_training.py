@@ -5,7 +5,6 @@ import json
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -99,15 +98,9 @@ def test_a_data_set_is_completed_after_a_kill_and_its_leftovers_are_removed(tmp_
             dataset_module._write_shard(CONFIG, target, 0)
     leftovers = [path for path in target.iterdir() if path.name.startswith(".")]
     assert leftovers
-    monkeypatch.setattr(dataset_module, "ProcessPoolExecutor", _InThisProcess)
-    build_dataset(CONFIG, tmp_path)
+    build_dataset(CONFIG, tmp_path, workers=0)
     assert len(Dataset(target)) == 4
     assert not any(path.exists() for path in leftovers)
-
-
-class _InThisProcess(ThreadPoolExecutor):
-    def __init__(self, workers, mp_context):
-        super().__init__(1)
 
 
 def test_true_motion_of_an_unmoved_canonical_is_zero():

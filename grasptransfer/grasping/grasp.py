@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from grasptransfer.errors import GraspFileError
 from grasptransfer.frames import check_rigid, rigid, transform_points
@@ -144,8 +145,6 @@ def _turned(grasp: Grasp, degrees: float) -> Grasp:
 def _about(
     axis: Float[np.ndarray, "3"], point: Float[np.ndarray, "3"], angle: float
 ) -> Float[np.ndarray, "4 4"]:
-    """Turn by `angle` [rad] about the axis through `point` (Rodrigues' formula)."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    """Turn by `angle` [rad] about the axis through `point`."""
+    rotation = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
     return rigid(rotation, point - rotation @ point)

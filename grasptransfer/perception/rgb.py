@@ -15,6 +15,7 @@ from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.drawing.visible import visible_faces
 from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
+from grasptransfer.jobs import single_blas_thread
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.confidence import Evidence, evidence
 from grasptransfer.perception.device import choose_device
@@ -41,7 +42,6 @@ from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
 from grasptransfer.perception.zoom import MASK_STRIDE, centre_on_box, zoom_camera, zoom_mask, zoom_picture
-from grasptransfer.registration.blas_threads import single_blas_thread
 
 LOOKS = 2
 ROUGH = 0.2  # of the given box's side: a pose that misses its centre by more is centred on it first

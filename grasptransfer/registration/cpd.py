@@ -30,8 +30,8 @@ from jaxtyping import Float, Shaped
 
 from grasptransfer.errors import NotSucceeded
 from grasptransfer.frames import transform_points
+from grasptransfer.jobs import single_blas_thread
 from grasptransfer.registration.alignment import align
-from grasptransfer.registration.blas_threads import single_blas_thread
 from grasptransfer.registration.cpd_input import (
     Correspondences,
     Options,

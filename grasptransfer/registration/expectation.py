@@ -14,7 +14,6 @@ Source: Myronenko and Song 2010, eq. 6.
 """
 
 import importlib.util
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
@@ -23,6 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.jobs import cores
 from grasptransfer.registration.blocks import BLOCK, GROUP, spatial_order
 
 BACKENDS = ("auto", "compiled", "numpy")
@@ -97,7 +97,7 @@ class EStep:
             both = np.concatenate([self._own_traits, others], axis=1)
             self._worst_traits = float(np.square(np.ptp(both, axis=1)).sum())
         self._compiled = backend == "compiled"
-        threads = threads or _cores()
+        threads = threads or cores()
         self._pieces = max(1, min(threads, source_count * len(target) // FEWEST_PAIRS))
         self._nearest = np.full(len(target), 3e38, np.float32)  # upper bounds, squared
         self._before: Float[np.ndarray, "3 n"] | None = None
@@ -181,8 +181,3 @@ def log_outlier_term(weight: float, variance: float, *, source: int, volume: flo
         return NO_OUTLIERS
     odds = weight / (1 - weight) * source / volume
     return 1.5 * np.log(2 * np.pi * variance) + np.log(odds)
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
 from grasptransfer.registration.displacement_model import DisplacementModel, motion_along
 
@@ -70,7 +71,7 @@ class Posed:
         """`told_from_refined`."""
         pose = self.initial.copy()
         if self.prior is not None:
-            pose[:3, :3] = _rotation(state[:3]) @ pose[:3, :3]
+            pose[:3, :3] = Rotation.from_rotvec(state[:3]).as_matrix() @ pose[:3, :3]
             pose[:3, 3] += state[3:6]
         return pose
 
@@ -245,27 +246,16 @@ def _skew(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """exp(turn), by Rodrigues' formula."""
-    skew = _skew(turn)
-    sine, cosine, _ = _rotation_terms(turn)
-    return np.eye(3) + sine * skew + cosine * skew @ skew
-
-
 def _left_jacobian(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     """d exp(turn) p = -[exp(turn) p]x  J  d turn (Sola, Deray, Atchuthan 2018, eq. 145)."""
     skew = _skew(turn)
-    _, cosine, rest = _rotation_terms(turn)
+    cosine, rest = _rotation_terms(turn)
     return np.eye(3) + cosine * skew + rest * skew @ skew
 
 
-def _rotation_terms(turn: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    """sin(a) / a, (1 - cos(a)) / a^2 and (a - sin(a)) / a^3 of the angle a."""
+def _rotation_terms(turn: Float[np.ndarray, "3"]) -> tuple[float, float]:
+    """(1 - cos(a)) / a^2 and (a - sin(a)) / a^3 of the angle a."""
     angle = float(np.linalg.norm(turn))
     if angle < 1e-4:
-        return 1.0, 0.5, 1 / 6  # to 1e-9
-    return (
-        float(np.sin(angle)) / angle,
-        float(1 - np.cos(angle)) / angle**2,
-        float(angle - np.sin(angle)) / angle**3,
-    )
+        return 0.5, 1 / 6  # to 1e-9
+    return float(1 - np.cos(angle)) / angle**2, float(angle - np.sin(angle)) / angle**3

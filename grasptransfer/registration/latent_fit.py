@@ -24,7 +24,7 @@ from jaxtyping import Bool, Float, Shaped
 
 from grasptransfer.errors import NotSucceeded, SettingsError
 from grasptransfer.frames import check_rigid
-from grasptransfer.registration.blas_threads import single_blas_thread
+from grasptransfer.jobs import single_blas_thread
 from grasptransfer.registration.blocks import BLOCK, spatial_order
 from grasptransfer.registration.clouds import check_cloud, check_points
 from grasptransfer.registration.expectation import EStep, log_outlier_term

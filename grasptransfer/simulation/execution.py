@@ -1,6 +1,6 @@
 """Execute grasps in physics: many trials, in this process, in several, or on a cluster."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,15 +10,17 @@ from grasptransfer.errors import SettingsError, check_seed
 from grasptransfer.grasping.grasp import Grasp
 from grasptransfer.grasping.gripper import Gripper, load_gripper
 from grasptransfer.grasping.placed_grasp import Executable, PlacedGrasp
+from grasptransfer.jobs import Record
 from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.engines import choose_engine
 from grasptransfer.simulation.engines.bullet_files import remove_orphans
 from grasptransfer.simulation.hand import hand_of
-from grasptransfer.simulation.job import Conditions, Job, make_jobs
-from grasptransfer.simulation.ledger import Ledger, read_results
+from grasptransfer.simulation.job import Conditions, make_jobs
+from grasptransfer.simulation.ledger import line_of, read_results
 from grasptransfer.simulation.outcome import TrialResult, TrialStatus
+from grasptransfer.simulation.pool import run_trials
 from grasptransfer.simulation.protocol import Perturbation, Protocol, check_perturbation, load_protocol
-from grasptransfer.simulation.setup import Setup, execute, job_key
+from grasptransfer.simulation.setup import Setup, job_key
 
 if TYPE_CHECKING:
     import trimesh
@@ -106,40 +108,20 @@ def simulate(
         grasps, gripper, conditions, trials=trials, perturb=perturb, seed=seed, frames=frames or 0.0
     )
     keys = [job_key(setup, job) for job in jobs]
-    known = {} if results_path is None or frames else read_results(results_path)
+    known = {} if frames else read_results(results_path)
     results = {i: known[key] for i, key in enumerate(keys) if key in known}
     rest = [i for i in range(len(jobs)) if i not in results]
-    ledger = None if results_path is None else Ledger(results_path)
-    try:
-        for i, result in _run(setup, [jobs[i] for i in rest], workers, cluster, trial_limit):
+    waiting = [jobs[i] for i in rest]
+    with Record(results_path) as record:
+        for i, result in run_trials(setup, waiting, workers=workers, cluster=cluster, limit=trial_limit):
             index = rest[i]
             results[index] = result
-            if ledger is not None:
-                ledger.add(keys[index], result)
+            record.add(line_of(keys[index], result))
             if on_trial is not None:
                 on_trial(len(results), len(jobs))
-    finally:
-        if ledger is not None:
-            ledger.close()
     if any(result.status is TrialStatus.CRASHED for result in results.values()):
         remove_orphans()  # of the processes that went down
     return [results[i] for i in range(len(jobs))]
-
-
-def _run(
-    setup: Setup, jobs: Sequence[Job], workers: int, cluster: str | None, limit: float
-) -> Iterator[tuple[int, TrialResult]]:
-    if not jobs:
-        return iter(())
-    if cluster is not None:
-        from grasptransfer.simulation.cluster import run_on_cluster
-
-        return run_on_cluster(setup, jobs, cluster)
-    if workers > 1:
-        from grasptransfer.simulation.pool import run_in_processes
-
-        return run_in_processes(setup, jobs, min(workers, len(jobs)), limit=limit)
-    return ((i, execute(setup, job)) for i, job in enumerate(jobs))
 
 
 def _check_numbers(**numbers: float | None) -> None:

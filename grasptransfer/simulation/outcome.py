@@ -146,19 +146,17 @@ class Robustness:
     high: float
 
 
-def wilson_interval(held: int, trials: int, *, z: float = 1.959964) -> tuple[float, float]:
-    """Interval of a share, (0, 1) without trials.
+def wilson_interval(held: int, trials: int) -> tuple[float, float]:
+    """95 % interval of a share, (0, 1) without trials.
 
     Wilson, "Probable inference, the law of succession, and statistical inference", JASA 1927.
     """
     if trials == 0:
         return 0.0, 1.0
-    share = held / trials
-    middle = (share + z**2 / (2 * trials)) / (1 + z**2 / trials)
-    half = z / (1 + z**2 / trials) * np.sqrt(share * (1 - share) / trials + z**2 / (4 * trials**2))
-    # Rounding would leave a hair above 0 or below 1 where none or all are held.
-    low = 0.0 if held == 0 else float(middle - half)
-    return low, 1.0 if held == trials else float(middle + half)
+    from scipy.stats import binomtest
+
+    low, high = binomtest(held, trials).proportion_ci(0.95, method="wilson")
+    return float(low), float(high)
 
 
 def robustness(results: Iterable[TrialResult]) -> list[Robustness]:

@@ -6,7 +6,6 @@ a peer would take too long for is extrapolated from its first iterations, and it
 
 import importlib.util
 import io
-import multiprocessing
 import threading
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.jobs import run_fresh
 from grasptransfer.registration import PreparedSource, cpd
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.objects import canonical
@@ -188,9 +188,7 @@ def _register(name: str, clouds: Clouds, settings: CpdSettings, iterations: int)
 
 def _peak_memory(name: str, size: int, settings: CpdSettings) -> float:
     """What three iterations add to the peak memory of a fresh process [MB]."""
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(1) as pool:
-        return pool.apply(_peak_memory_here, (name, size, settings))
+    return run_fresh(_peak_memory_here, name, size, settings)
 
 
 def _peak_memory_here(name: str, size: int, settings: CpdSettings) -> float:

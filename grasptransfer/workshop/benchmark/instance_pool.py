@@ -1,16 +1,14 @@
 """One row for each instance, measured on several processes; a killed run goes on where it stopped."""
 
-import json
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from grasptransfer import __version__
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import content_key
+from grasptransfer.jobs import Record, run
 from grasptransfer.workshop.benchmark.document import plain
 
 # A row's numbers may differ between their versions.
@@ -49,45 +47,19 @@ def measure_instances(
         folder = getattr(settings, "meshes", None)
         raise SettingsError("have no instance", path=folder, key="categories", value=settings.categories)
     key = _digest(measure, settings)
-    rows = _read(ledger, key)
-    waiting = [names for names in found if names not in rows]
-    if progress:
-        progress(len(found) - len(waiting), len(found))
-    for names, row in _measured(measure, settings, waiting, workers):
-        rows[names] = row
-        if ledger is not None:
-            _append(ledger, key, names, row)
+    with Record(ledger) as record:
+        rows = _rows(record, key)
+        waiting = [names for names in found if names not in rows]
         if progress:
-            progress(sum(names in rows for names in found), len(found))
+            progress(len(found) - len(waiting), len(found))
+        others = workers if workers > 1 else 0
+        for ended in run(measure, waiting, workers=others, shared=(settings,)):
+            names = waiting[ended.index]
+            rows[names] = ended.result()
+            record.add(_line(key, names, rows[names]))
+            if progress:
+                progress(sum(names in rows for names in found), len(found))
     return [rows[names] for names in found]
-
-
-def _measured(
-    measure: Measure, settings: Any, waiting: Sequence[tuple[str, str]], workers: int
-) -> Iterator[tuple[tuple[str, str], dict]]:
-    """Each instance with its row, as soon as there is one."""
-    if workers == 1 or not waiting:
-        for names in waiting:
-            yield names, measure(settings, *names)
-        return
-    context = get_context("spawn")
-    count = min(workers, len(waiting))
-    with ProcessPoolExecutor(count, context, initializer=_settle, initargs=(workers,)) as pool:
-        tasks = {pool.submit(measure, settings, *names): names for names in waiting}
-        for task in as_completed(tasks):
-            yield tasks[task], task.result()
-
-
-def _settle(workers: int):
-    """Share the cores: libraries that each take all of them wait for one another."""
-    import os
-
-    import torch
-    from threadpoolctl import threadpool_limits
-
-    threads = max(1, (os.cpu_count() or 1) // workers)
-    torch.set_num_threads(threads)
-    threadpool_limits(threads)
 
 
 def _digest(measure: Measure, settings: Any) -> str:
@@ -116,34 +88,34 @@ def _version(library: str) -> str | None:
 
 
 def _weights(settings: Any) -> list[Path]:
+    """Files of trained and fitted numbers that a row depends on."""
     from grasptransfer.category import load_category
+    from grasptransfer.grasping.success_model import ranking_path
     from grasptransfer.perception.weights import find_weights, trained_categories
 
     told = getattr(settings, "weights", None)
     if told is not None:
         return [told]
     names = set(settings.categories) & set(trained_categories())
-    return sorted({find_weights(load_category(name)) for name in names})
+    found = {find_weights(load_category(name)) for name in names}
+    return sorted(found | {path.with_suffix(".yaml") for path in found} | {ranking_path()})
 
 
-def _read(ledger: Path | None, key: str) -> dict[tuple[str, str], dict]:
-    """Finished rows; half a last line, of a killed run, is left out."""
-    if ledger is None or not ledger.exists():
-        return {}
-    rows = {}
-    for line in ledger.read_text(encoding="utf-8").split("\n"):
-        try:
-            data = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        if data["key"] == key:
-            rows[data["category"], data["instance"]] = data["row"]
-    return rows
-
-
-def _append(ledger: Path, key: str, names: tuple[str, str], row: dict):
-    ledger.parent.mkdir(parents=True, exist_ok=True)
+def _line(key: str, names: tuple[str, str], row: dict) -> dict:
     category, instance = names
-    line = json.dumps({"key": key, "category": category, "instance": instance, "row": plain(row)})
-    with ledger.open("a", encoding="utf-8") as file:
-        file.write("\n" + line + "\n")  # the first break ends half a line of a killed run
+    return {"key": key, "category": category, "instance": instance, "row": plain(row)}
+
+
+def _rows(record: Record, key: str) -> dict[tuple[str, str], dict]:
+    """Finished rows of the same settings.
+
+    Raises:
+        SettingsError: the file is no record of a benchmark.
+    """
+    rows = {}
+    for line in record.lines():
+        if not {"key", "category", "instance", "row"} <= set(line):
+            raise SettingsError("holds no rows of a benchmark", path=record.path, value=sorted(line))
+        if line["key"] == key:
+            rows[line["category"], line["instance"]] = line["row"]
+    return rows

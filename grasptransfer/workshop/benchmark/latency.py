@@ -4,19 +4,18 @@ Machines differ, so a fixed load is timed in the same run: float32 convolutions 
 threads. Their ratio says more of the code than milliseconds do.
 """
 
-import multiprocessing
 import resource
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.jobs import run_fresh
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.precision import answer_precision, multiplies_bfloat16
 from grasptransfer.workshop.benchmark.document import document, processor_name
@@ -74,8 +73,7 @@ def run_latency_benchmark(
         observations = _pictures(settings, category)
         begin = time.perf_counter()
         # A fresh process: nothing is imported, compiled or loaded yet.
-        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-            timed = pool.submit(_transfer_all, settings, category, observations).result()
+        timed = run_fresh(_transfer_all, settings, category, observations)
         starts.append(time.perf_counter() - begin - timed.after_first)
         runs.append(timed)
         rows += stage_rows(category, timed.views)

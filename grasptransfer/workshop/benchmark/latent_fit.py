@@ -21,8 +21,8 @@ from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.errors import CategoryError
+from grasptransfer.jobs import single_blas_thread
 from grasptransfer.registration import PreparedSource, ShapeSpace, cpd_all, latent_fit
-from grasptransfer.registration.blas_threads import single_blas_thread
 from grasptransfer.registration.clouds import check_cloud
 from grasptransfer.registration.kernels import gaussian
 from grasptransfer.workshop.benchmark.document import document

@@ -4,33 +4,19 @@ A result's file name holds the checksum of everything it depends on. Each task r
 own with one thread, so that its bytes depend neither on the number of workers nor on where it was cut.
 """
 
-import contextlib
-import dataclasses
-import hashlib
 import io
-import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import wait
 from pathlib import Path
-from threading import Thread
 
 import numpy as np
 
 from grasptransfer.category.settings import software_versions
-from grasptransfer.files import write_whole
+from grasptransfer.files import content_key, write_whole
+from grasptransfer.jobs import Workers
 
 Arrays = dict[str, np.ndarray]
-ONE_THREAD = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
 
 
 @dataclass(frozen=True)
@@ -50,7 +36,7 @@ class Progress:
 
 
 class Workshop:
-    """Runs steps and keeps their results in a folder; use as a context manager.
+    """Runs steps and keeps their results in a folder; a context manager.
 
     Args:
         folder: for the results; created when needed.
@@ -59,16 +45,16 @@ class Workshop:
     """
 
     def __init__(self, folder: Path, *, workers: int, progress: Callable[[Progress], None]):
-        self.folder, self.workers, self.progress = folder, workers, progress
-        self._pool: ProcessPoolExecutor | None = None
+        self.folder, self.progress = folder, progress
+        self._workers = Workers(workers, threads=1)
         self._versions = sorted(software_versions().items())
 
     def __enter__(self) -> "Workshop":
+        self._workers.__enter__()
         return self
 
-    def __exit__(self, *_):
-        if self._pool:
-            self._pool.shutdown(cancel_futures=True)
+    def __exit__(self, *caught):
+        self._workers.__exit__(*caught)
 
     def clear(self):
         """Remove the kept results."""
@@ -91,33 +77,24 @@ class Workshop:
         missing = [name for name, path in paths.items() if not path.is_file()]
         done = len(arguments) - len(missing)
         self.progress(Progress(step, done, len(arguments)))
-        futures = {self._submit(task, paths[name], arguments[name]): name for name in missing}
-        for future in as_completed(futures):
-            if future.exception() is None:
-                done += 1
-                self.progress(Progress(step, done, len(arguments), futures[future]))
-        for future in futures:
-            future.result()
+        pieces = [(task, paths[name], arguments[name]) for name in missing]
+        errors: dict[int, Exception] = {}
+        for ended in self._workers.run(_keep, pieces):
+            if ended.error is not None:
+                errors[ended.index] = ended.error
+                continue
+            done += 1
+            self.progress(Progress(step, done, len(arguments), missing[ended.index]))
+        if errors:
+            raise errors[min(errors)]
         return {name: _load(path) for name, path in paths.items()}
 
-    def _submit(self, task, path: Path, given: dict):
-        if self._pool is None:
-            with _one_thread():
-                self._pool = ProcessPoolExecutor(
-                    self.workers, mp_context=get_context("spawn"), initializer=_end_with_parent
-                )
-        with _one_thread():  # the pool starts its processes when work arrives
-            return self._pool.submit(_run, task, path, given)
-
     def _path(self, step: str, task, name: str, given: dict) -> Path:
-        digest = hashlib.sha256(f"{task.__module__}.{task.__qualname__} {name} {self._versions}".encode())
-        for key in sorted(given):
-            digest.update(key.encode())
-            _feed(digest, given[key])
-        return self.folder / f"{step.replace(' ', '_')}-{name}-{digest.hexdigest()[:16]}.npz"
+        key = content_key(task.__module__, task.__qualname__, name, self._versions, given)
+        return self.folder / f"{step.replace(' ', '_')}-{name}-{key[:16]}.npz"
 
 
-def _run(task, path: Path, given: dict) -> None:
+def _keep(task: Callable[..., Arrays], path: Path, given: dict) -> None:
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **task(**given))
     write_whole(path, buffer.getvalue())
@@ -126,45 +103,3 @@ def _run(task, path: Path, given: dict) -> None:
 def _load(path: Path) -> Arrays:
     with np.load(path, allow_pickle=False) as data:
         return {name: data[name] for name in data.files}
-
-
-def _feed(digest, value: object) -> None:
-    if isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype.str}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
-    elif isinstance(value, tuple | list):
-        for one in value:
-            _feed(digest, one)
-    elif dataclasses.is_dataclass(value):
-        for field in dataclasses.fields(value):
-            digest.update(field.name.encode())
-            _feed(digest, getattr(value, field.name))
-    else:
-        digest.update(repr(value).encode())
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """Processes started inside count on one thread each: the libraries read this when they load."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for work for ever."""
-    parent = parent_process()
-    if parent is not None:
-        Thread(target=_watch, args=(parent.sentinel,), daemon=True).start()
-
-
-def _watch(sentinel: int) -> None:
-    wait([sentinel])
-    os._exit(1)

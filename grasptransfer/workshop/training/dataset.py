@@ -6,10 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
-from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +16,7 @@ from grasptransfer.category import Category
 from grasptransfer.category.category import PREVIEW
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import replacing, write_whole
+from grasptransfer.jobs import run
 from grasptransfer.workshop.training.backgrounds import draw_background
 from grasptransfer.workshop.training.samples import Sample
 
@@ -89,23 +87,20 @@ def build_dataset(
     target.mkdir(parents=True, exist_ok=True)
     _clear_up(target)
     write_whole(target / "config.json", json.dumps(config.as_data(), indent=1).encode())
-    tasks: list[Callable[[], None]] = []
+    pieces: list[tuple] = []
     if not (target / "sprites.npy").exists():
         _write_sprites(config, target)
     if not (target / "backgrounds.npy").exists():
-        tasks.append(partial(_write_backgrounds, config, target))
-    tasks += [
-        partial(_write_shard, config, target, index)
-        for index in range(config.shards)
-        if not _shard_path(target, index).exists()
+        pieces.append((_write_backgrounds,))
+    pieces += [
+        (_write_shard, index) for index in range(config.shards) if not _shard_path(target, index).exists()
     ]
-    done = config.shards + 1 - len(tasks)
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(task) for task in tasks]):
-            future.result()
-            done += 1
-            if progress:
-                progress(done, config.shards + 1)
+    done = config.shards + 1 - len(pieces)
+    for ended in run(_write, pieces, workers=workers, shared=(config, target)):
+        ended.result()
+        done += 1
+        if progress:
+            progress(done, config.shards + 1)
     return target
 
 
@@ -157,6 +152,10 @@ class Dataset:
 
 def _shard_path(target: Path, index: int) -> Path:
     return target / f"{index:05d}.shard"
+
+
+def _write(config: DatasetConfig, target: Path, part: Callable, *which: int):
+    part(config, target, *which)
 
 
 def _write_shard(config: DatasetConfig, target: Path, index: int):

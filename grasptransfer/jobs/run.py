@@ -1,0 +1,260 @@
+"""Pieces of work in processes of their own.
+
+Each worker has a connection of its own and at most one piece: a process that is killed, crashes or hangs
+takes nothing of the others with it. That is why no pool of a library stands here: in those of the standard
+library and of loky one death breaks the pool, and workers that share a queue, as Pebble's do, may take its
+lock with them.
+"""
+
+import contextlib
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from grasptransfer.errors import GraspTransferError
+from grasptransfer.jobs.threads import cores, limited
+from grasptransfer.jobs.worker import BEGUN, ERROR
+
+START_TIME = 120.0  # s for a process to import what it needs, on a busy machine
+ATTEMPTS = 3
+
+
+class LostError(GraspTransferError):
+    """A piece of work that no process could finish: each one crashed, was killed or hung."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A piece that has ended.
+
+    Args:
+        index: of the piece among all.
+        value: what the function returned.
+        error: what it raised, or `LostError`; None where it returned.
+    """
+
+    index: int
+    value: Any = None
+    error: Exception | None = None
+
+    def result(self) -> Any:
+        """The value; raises the error where there is one."""
+        if self.error is not None:
+            raise self.error
+        return self.value
+
+
+class Workers:
+    """Processes that compute pieces of work, and end with the block; a context manager.
+
+    Ctrl-C and SIGTERM end them, too. They start when there is work.
+
+    Args:
+        count: of the processes; 0 computes in this one, where errors are raised at once.
+        shared: first arguments of every function, sent to each process once.
+        threads: of each process; None shares this process's cores among them.
+    """
+
+    def __init__(self, count: int, *, shared: tuple = (), threads: int | None = None):
+        self.count, self.shared = count, shared
+        self.threads = threads or max(1, cores() // max(count, 1))
+        self._workers: list[_Worker] = []
+        self._sigterm = _ending_on_sigterm()
+
+    def __enter__(self) -> "Workers":
+        self._sigterm.__enter__()
+        return self
+
+    def __exit__(self, *caught):
+        for worker in self._workers:
+            worker.process.kill()
+        for worker in self._workers:
+            worker.end()
+        self._workers.clear()
+        self._sigterm.__exit__(*caught)
+
+    def run(
+        self,
+        task: Callable,
+        pieces: Sequence[tuple],
+        *,
+        limit: float | None = None,
+        attempts: int = ATTEMPTS,
+    ) -> Iterator[Ended]:
+        """`task(*shared, *piece)` for every piece, each given out as soon as it has ended.
+
+        Args:
+            task: a function of a module, so that other processes can import it.
+            pieces: arguments of each piece.
+            limit: most seconds for one piece; None: any time.
+            attempts: how often a piece is begun whose process ends before it.
+        """
+        if self.count == 0:
+            for index, piece in enumerate(pieces):
+                yield Ended(index, task(*self.shared, *piece))
+            return
+        waiting = deque(range(len(pieces)))
+        begun = [0] * len(pieces)
+        while waiting or any(worker.index is not None for worker in self._workers):
+            for worker in self._idle(len(waiting)):
+                index = waiting.popleft()
+                begun[index] += 1
+                worker.give(index, pickle.dumps((task, pieces[index])), limit)
+            for worker in self._answering():
+                ended = worker.answer()
+                if worker.gone:
+                    self._workers.remove(worker)
+                if ended is None:
+                    continue
+                if worker.gone and begun[ended.index] < attempts:
+                    waiting.appendleft(ended.index)
+                else:
+                    yield ended
+
+    def _idle(self, wanted: int) -> list["_Worker"]:
+        """At most so many workers without a piece; all that are missing start before any is spoken to."""
+        idle = [worker for worker in self._workers if worker.index is None]
+        missing = min(self.count - len(self._workers), wanted - len(idle))
+        if missing > 0:
+            packed = pickle.dumps(self.shared)
+            started = [_Worker(self.threads, packed) for _ in range(missing)]
+            self._workers += started
+            idle += started
+        return idle[:wanted]
+
+    def _answering(self) -> list["_Worker"]:
+        """Workers that have said something, have ended, or have used up their time."""
+        busy = [worker for worker in self._workers if worker.index is not None]
+        ready = wait([worker.connection for worker in busy], timeout=1.0)
+        now = time.monotonic()
+        return [worker for worker in busy if worker.connection in ready or now > worker.deadline]
+
+
+def run(
+    task: Callable,
+    pieces: Sequence[tuple],
+    *,
+    workers: int,
+    shared: tuple = (),
+    threads: int | None = None,
+    limit: float | None = None,
+    attempts: int = ATTEMPTS,
+) -> Iterator[Ended]:
+    """`task(*shared, *piece)` for every piece, in processes that end with the last one.
+
+    Whoever leaves the loop early ends them. Arguments as of `Workers` and `Workers.run`.
+    """
+    with Workers(min(workers, len(pieces)), shared=shared, threads=threads) as team:
+        yield from team.run(task, pieces, limit=limit, attempts=attempts)
+
+
+def run_fresh(task: Callable, *arguments: object, threads: int | None = None) -> Any:
+    """`task(*arguments)` in one fresh process, in which nothing is loaded yet.
+
+    Raises:
+        LostError: the process ended before it had an answer.
+        Whatever the task raises.
+    """
+    (ended,) = run(task, [arguments], workers=1, threads=threads, attempts=1)
+    return ended.result()
+
+
+class _Worker:
+    """One process and the piece it is at."""
+
+    def __init__(self, threads: int, shared: bytes):
+        ours, theirs = socket.socketpair()
+        path = os.pathsep.join(part for part in sys.path if part)
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "grasptransfer.jobs.worker", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.PIPE,  # never written to: it closes when this process ends
+                stdout=subprocess.DEVNULL,
+                env=os.environ | limited(threads) | {"PYTHONPATH": path},
+            )
+        self.connection = Connection(ours.detach())
+        self.index: int | None = None  # of its piece
+        self.limit: float | None = None
+        self.deadline = 0.0
+        self.gone = False
+        self._shared: bytes | None = shared
+
+    def give(self, index: int, message: bytes, limit: float | None) -> None:
+        """Hand it a piece, and before its first one what all share."""
+        self.index, self.limit = index, limit
+        with contextlib.suppress(
+            BrokenPipeError, ConnectionResetError
+        ):  # it has ended: the next read says so
+            if self._shared is not None:
+                self.connection.send_bytes(self._shared)
+                self._shared = None
+            self.connection.send_bytes(message)
+        self.deadline = time.monotonic() + START_TIME
+
+    def answer(self) -> Ended | None:
+        """What came of its piece; None where it has only just begun."""
+        assert self.index is not None
+        index = self.index
+        if not self.connection.poll():
+            return self._lost(index, f"did not end within {self.limit or START_TIME:g} s")
+        try:
+            kind, content, trace = self.connection.recv()
+        except (EOFError, ConnectionResetError):
+            return self._lost(index, "ended by itself")
+        if kind == BEGUN:
+            self.deadline = time.monotonic() + (self.limit or float("inf"))
+            return None
+        self.index = None
+        if kind == ERROR:
+            content.__cause__ = _InWorker(trace)
+            return Ended(index, error=content)
+        return Ended(index, content)
+
+    def _lost(self, index: int, what: str) -> Ended:
+        self.index, self.gone = None, True
+        self.process.kill()
+        code = self.end()
+        return Ended(index, error=LostError(f"the process of this piece {what} (exit code {code})"))
+
+    def end(self) -> int:
+        """Close the connections to a process that was killed; its exit code."""
+        self.connection.close()
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        return self.process.wait()
+
+
+class _InWorker(Exception):
+    """Where in the other process an error was raised."""
+
+    def __str__(self) -> str:
+        return "\n" + self.args[0]
+
+
+@contextlib.contextmanager
+def _ending_on_sigterm() -> Iterator[None]:
+    """In the block SIGTERM ends this process as Ctrl-C does: with all that waits to be put in order."""
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield  # whoever runs us has plans of their own
+        return
+
+    def end(number, _):
+        sys.exit(128 + number)  # as a shell reports it
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
