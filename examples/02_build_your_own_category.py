@@ -14,10 +14,10 @@ import trimesh
 from PIL import Image
 
 import grasptransfer as gt
-from grasptransfer.category import check_category
+from grasptransfer.category_check import check_category
 from grasptransfer.drawing.contact_sheet import contact_sheet
 from grasptransfer.drawing.rendering import Renderer
-from grasptransfer.workshop.building import build_category
+from grasptransfer.workshop.building import BuildSettings, build_category
 from grasptransfer.workshop.building.category_page import category_page
 
 
@@ -43,7 +43,7 @@ def main():
     # Without these settings the build tries several, and keeps those that explain instances left out.
     settings = {"control_points": 80, "beta": 1.0, "lam": 1.0, "modes": 2} if quick else {}
     built = build_category(
-        "vase", meshes=folder, test=["vase_4"], out="vase", workers=1, overwrite=True, **settings
+        BuildSettings("vase", folder, test=("vase_4",), workers=1, overwrite=True, **settings)
     )
     print(f"canonical model: {built.canonical}")
     for one in built.registrations:

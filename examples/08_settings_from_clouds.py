@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grasptransfer.workshop.building import CategoryBuild, build_category
+from grasptransfer.workshop.building import BuildSettings, CategoryBuild, build_category
 from grasptransfer.workshop.building.category_page import category_page
 
 
@@ -27,9 +27,10 @@ def main(arguments: list[str] | None = None) -> dict[str, float]:
     given = parser.parse_args(arguments)
     shared = {"meshes": given.folder, "front": given.front, "workers": given.workers, "overwrite": True}
 
-    chosen = build_category("chosen", out=given.out / "chosen", **shared)
+    chosen = build_category(BuildSettings("chosen", out=given.out / "chosen", **shared))
     category_page(chosen, given.out / "chosen" / "category.html")
-    raw = build_category("raw_metres", out=given.out / "raw_metres", **shared, **raw_metres(chosen))
+    raw_settings = BuildSettings("raw_metres", out=given.out / "raw_metres", **shared, **raw_metres(chosen))
+    raw = build_category(raw_settings)
 
     print(f"{'E [1e-6 m^2]':24s} {'undeformed':>10s} {'raw metres':>10s} {'chosen':>10s}")
     for one, other in zip(chosen.registrations, raw.registrations, strict=True):
@@ -47,7 +48,7 @@ def main(arguments: list[str] | None = None) -> dict[str, float]:
 
 
 def raw_metres(build: CategoryBuild) -> dict:
-    """Beta 1 and lambda 1 in metres, in the units that `build_category` takes, with the same canonical."""
+    """Beta 1 and lambda 1 in metres, in the units that `BuildSettings` takes, with the same canonical."""
     # W in metres is `scale` times W in normalised units, so its bending counts scale^2 times as much.
     scale = build.category.shape_space.scale
     modes = min(5, len(build.category.train) - 1)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from grasptransfer.errors import CategoryError
-from grasptransfer.workshop.benchmark.cpd import run_cpd_benchmark
+from grasptransfer.workshop.benchmark.cpd import CpdSettings, run_cpd_benchmark
 from grasptransfer.workshop.benchmark.latent_fit import METHODS, LatentFitSettings, run_latent_fit_benchmark
 
 
 def test_cpd_is_compared_with_the_installed_peer_on_the_same_clouds():
-    result = run_cpd_benchmark((60,), repeats=1)
+    result = run_cpd_benchmark(CpdSettings((60,), repeats=1))
     rows = {row["implementation"]: row for row in result["rows"]}
     assert {"grasptransfer", "grasptransfer-numpy", "pycpd"} <= set(rows)
     assert all(row["seconds"] > 0 and row["n"] == 60 and not row["extrapolated"] for row in rows.values())
@@ -25,7 +25,7 @@ def test_a_peer_that_would_take_too_long_is_extrapolated_and_says_so(monkeypatch
     monkeypatch.setattr(
         "grasptransfer.workshop.benchmark.cpd._peak_memory", lambda *_: 0.0
     )  # fresh processes are slow
-    result = run_cpd_benchmark((60,), repeats=1, longest=1e-9)
+    result = run_cpd_benchmark(CpdSettings((60,), repeats=1, longest=1e-9))
     rows = {row["implementation"]: row for row in result["rows"]}
     assert rows["pycpd"]["extrapolated"]
     assert rows["pycpd"]["E"] is None

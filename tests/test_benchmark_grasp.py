@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from grasptransfer.category import load_category
-from grasptransfer.cli.bench.run import run
+from grasptransfer.cli.bench.run import Results, run
 from grasptransfer.errors import SettingsError
 from grasptransfer.grasping import CheckStatus, Grasp, GraspCheck, on_canonical
 from grasptransfer.result import TransferredGrasp
@@ -65,5 +65,5 @@ def test_the_table_has_a_line_for_each_category_and_estimator(row):
 def test_a_benchmark_that_is_refused_shows_no_progress(capsys, tmp_path):
     settings = GraspSettings(("mug",), views=75)
     with pytest.raises(SettingsError, match="views"):
-        run(partial(run_grasp_benchmark, settings), tmp_path / "results.json")
+        run(partial(run_grasp_benchmark, settings), Results(tmp_path / "results.json"))
     assert "instances" not in capsys.readouterr().out

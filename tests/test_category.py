@@ -10,16 +10,17 @@ from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from grasptransfer.category import check_category, list_categories, load_category, objects_folder
+from grasptransfer.category import list_categories, load_category, objects_folder
 from grasptransfer.category.category import load_scene
 from grasptransfer.category.settings import Settings, Split
+from grasptransfer.category_check import check_category
 from grasptransfer.errors import CategoryError
 from grasptransfer.registration import DeformationField, ShapeSpace
 from grasptransfer.workshop import objects
 from grasptransfer.workshop.building.parametric.canonical_surface import surface_of
 from grasptransfer.workshop.building.parametric.library import CURATED, compact
 from grasptransfer.workshop.building.surface_points import visible_surface, voxel_filter, voxel_for
-from grasptransfer.workshop.building.writing import glb_of, write_category
+from grasptransfer.workshop.building.writing import CategoryContent, glb_of, write_category
 
 GLB_ROUNDING = 1e-7  # m: GLB files hold single precision
 
@@ -46,9 +47,8 @@ def pristine_boxes(tmp_path_factory):
     first = fields[train[0]]
     weights = np.stack([fields[name].weights for name in train])
     space = ShapeSpace.fit(weights, control, 1.0, first.centre, first.scale, n_modes=1)
-    category = write_category(
-        tmp_path_factory.mktemp("boxes") / "box",
-        "box",
+    content = CategoryContent(
+        name="box",
         description="Boxes.",
         split=Split(canonical="box_2", train=train, test=("box_4",)),
         settings=Settings(
@@ -60,7 +60,7 @@ def pristine_boxes(tmp_path_factory):
         shape_space=space,
         weights={name: field.weights for name, field in fields.items()},
     )
-    return category.folder
+    return write_category(tmp_path_factory.mktemp("boxes") / "box", content).folder
 
 
 def test_a_written_category_loads_with_the_same_meshes_and_fields(boxes):
@@ -199,9 +199,8 @@ def test_grasps_of_another_category_are_a_fault(boxes):
 def rewrite(boxes):
     """The same category written once more over itself."""
     names = boxes.train + boxes.test
-    return write_category(
-        boxes.folder,
-        "box",
+    content = CategoryContent(
+        name="box",
         description="",
         split=boxes.file.split,
         settings=boxes.settings,
@@ -211,6 +210,7 @@ def rewrite(boxes):
         shape_space=boxes.shape_space,
         weights={name: boxes.field(name).weights for name in names},
     )
+    return write_category(boxes.folder, content)
 
 
 def test_rewriting_a_category_keeps_grasps_and_other_files(boxes):

@@ -8,9 +8,9 @@ import pytest
 import trimesh
 from vases import build_vases, vase, write_vases
 
-from grasptransfer.category import check_category
+from grasptransfer.category_check import check_category
 from grasptransfer.errors import CategoryError, MeshError, PointCloudError, SettingsError
-from grasptransfer.workshop.building import build_category
+from grasptransfer.workshop.building import BuildSettings, build_category
 from grasptransfer.workshop.building.carving import carved_surface
 from grasptransfer.workshop.building.category_page import category_page
 from grasptransfer.workshop.building.cloud_files import read_pcd
@@ -80,7 +80,7 @@ def test_the_page_shows_every_instance_and_needs_no_other_file(built, tmp_path):
 
 def test_an_existing_folder_is_not_replaced_unasked(built, folder):
     with pytest.raises(CategoryError, match="--overwrite"):
-        build_category("vase", meshes=folder, out=built.category.folder)
+        build_category(BuildSettings("vase", folder, out=built.category.folder))
 
 
 def test_what_a_killed_build_left_beside_a_folder_is_no_leave_to_replace_it(built, folder, tmp_path):
@@ -104,13 +104,13 @@ def test_a_file_in_the_place_of_a_category_is_refused_before_any_work(folder, tm
 )
 def test_an_unknown_instance_name_lists_the_known(folder, tmp_path, options, choices):
     with pytest.raises(CategoryError) as caught:
-        build_category("vase", meshes=folder, out=tmp_path / "vase", **options)
+        build_category(BuildSettings("vase", folder, out=tmp_path / "vase", **options))
     assert caught.value.choices == choices
 
 
 def test_too_few_meshes_are_refused(folder, tmp_path):
     with pytest.raises(CategoryError, match="at least 3 train"):
-        build_category("vase", meshes=folder, out=tmp_path / "v", test=list("abc"))
+        build_category(BuildSettings("vase", folder, out=tmp_path / "v", test=tuple("abc")))
 
 
 @pytest.mark.parametrize(
@@ -126,14 +126,14 @@ def test_too_few_meshes_are_refused(folder, tmp_path):
 )
 def test_options_out_of_range_are_named(folder, tmp_path, options):
     with pytest.raises(SettingsError) as caught:
-        build_category("vase", meshes=folder, out=tmp_path / "v", **options)
+        build_category(BuildSettings("vase", folder, out=tmp_path / "v", **options))
     assert caught.value.key in options
 
 
 @pytest.mark.parametrize("name", ["", "a vase", "../vase"])
 def test_a_name_that_is_no_folder_name_is_refused_before_any_work(folder, tmp_path, name):
     with pytest.raises(CategoryError, match="letters, digits"):
-        build_category(name, meshes=folder, out=tmp_path / "v")
+        build_category(BuildSettings(name, folder, out=tmp_path / "v"))
     assert not list(tmp_path.iterdir())
 
 

@@ -14,7 +14,7 @@ from grasptransfer.frames import rigid, transform_points
 from grasptransfer.grasping.formats import GraspSet, PlacedGrasp, convert, read_grasps, write_grasps
 from grasptransfer.grasping.grasps import Grasp, expand_symmetry, load_grasps, save_grasps
 from grasptransfer.grasping.gripper import list_grippers, load_gripper
-from grasptransfer.report.execution_table import run_simulation
+from grasptransfer.report.execution_table import SimulationSettings, run_simulation
 from grasptransfer.simulation import simulate
 
 SUFFIXES = (".yaml", ".h5", ".npy", ".json")
@@ -278,10 +278,10 @@ def test_the_mesh_of_a_grasp_file_is_scaled_as_the_file_says(tmp_path):
     down = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.03]))
     grasps = GraspSet((PlacedGrasp("top", "box", down, 0.04),), object_file="box.obj", object_scale=0.2)
     path = write_grasps(grasps, tmp_path / "g.json")
-    assert run_simulation(path, tmp_path / "box.obj")[1] == 1
-    assert run_simulation(path, tmp_path / "box.obj", scale=0.19)[1] == 1
+    assert run_simulation(SimulationSettings(path, tmp_path / "box.obj"))[1] == 1
+    assert run_simulation(SimulationSettings(path, tmp_path / "box.obj", scale=0.19))[1] == 1
     with pytest.raises(MeshError, match=r"longest side is 0.0008"):
-        run_simulation(path, tmp_path / "box.obj", scale=0.002)
+        run_simulation(SimulationSettings(path, tmp_path / "box.obj", scale=0.002))
 
 
 def test_scores_above_one_keep_their_order(tmp_path):
@@ -312,7 +312,7 @@ def test_grasps_in_a_camera_s_frame_need_the_object_s_pose(tmp_path):
         with pytest.raises(GraspFileError, match=r"camera's or the world's frame.*--pose"):
             convert(path, tmp_path / "out.json")
         with pytest.raises(GraspFileError, match=r"camera's or the world's frame.*--pose"):
-            run_simulation(path, write_box(tmp_path))
+            run_simulation(SimulationSettings(path, write_box(tmp_path)))
         convert(path, tmp_path / "out.json", camera_from_object=camera_from_object)
         for one, other in zip(before.grasps, read_grasps(tmp_path / "out.json").grasps, strict=True):
             np.testing.assert_allclose(one.object_from_gripper, other.object_from_gripper, atol=1e-8)

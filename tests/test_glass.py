@@ -8,7 +8,6 @@ import pytest
 from grasptransfer.perception.baselines import RigidEstimator
 from grasptransfer.workshop.benchmark import glass
 from grasptransfer.workshop.benchmark.glass import GlassSettings, measure_glass, summarise_glass
-from grasptransfer.workshop.training.scenes import PoseNoise
 
 SETTINGS = GlassSettings(("bottle",), views=1, methods=("rigid",))
 
@@ -61,7 +60,7 @@ def test_cls_is_given_the_mask_and_no_depth_far_from_the_object(told):
 
 
 def test_a_wrong_told_pose_shows_where_the_shape_is_placed():
-    noisy = replace(SETTINGS, pose_noise=PoseNoise(0.02, np.deg2rad(5)))
+    noisy = replace(SETTINGS, translation_noise=0.02, rotation_noise=np.deg2rad(5))
     summary = summarise_glass([measure_glass(noisy, "bottle", "bottle_0012")])
     assert summary["E_rigid_placed_mean"] != pytest.approx(summary["E_rigid_mean"], rel=0.05)
 

@@ -13,7 +13,8 @@ from seen_mug import CAMERA, POSE, see_mug
 import grasptransfer as gt
 from grasptransfer.errors import SettingsError
 from grasptransfer.service.client import Client, ServiceError
-from grasptransfer.service.server import Service, ServiceSettings
+from grasptransfer.service.server import Service
+from grasptransfer.service.settings import ServiceSettings
 
 INTRINSICS = [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy]
 

@@ -31,7 +31,8 @@ from grasptransfer.workshop.training.model_card import write_card
 from grasptransfer.workshop.training.processes import Place, join_processes
 from grasptransfer.workshop.training.samples import render_sample
 from grasptransfer.workshop.training.scenes import NO_NOISE
-from grasptransfer.workshop.training.training import TrainingConfig, train
+from grasptransfer.workshop.training.settings import TrainingConfig
+from grasptransfer.workshop.training.training import train_networks
 from grasptransfer.workshop.training.training_shapes import draw_training_shape, training_canonical
 
 MUG = load_category("mug")
@@ -277,7 +278,9 @@ def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monke
     data = Dataset(folder)
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
     monkeypatch.setattr(training_module, "CHECKPOINT_STEPS", 1)
-    whole = train(config, run_folder=tmp_path / "whole", output=tmp_path / "a.safetensors", device="cpu")
+    whole = train_networks(
+        config, run_folder=tmp_path / "whole", output=tmp_path / "a.safetensors", device="cpu"
+    )
 
     class Killed(Exception):
         pass
@@ -289,10 +292,14 @@ def test_an_interrupted_training_ends_as_an_unbroken_one(folder, tmp_path, monke
     original = training_module._Run.save
     monkeypatch.setattr(training_module._Run, "save", lambda run: (original(run), kill(run)))
     with pytest.raises(Killed):
-        train(config, run_folder=tmp_path / "broken", output=tmp_path / "b.safetensors", device="cpu")
+        train_networks(
+            config, run_folder=tmp_path / "broken", output=tmp_path / "b.safetensors", device="cpu"
+        )
     assert not (tmp_path / "b.safetensors").exists()
     monkeypatch.setattr(training_module._Run, "save", original)
-    resumed = train(config, run_folder=tmp_path / "broken", output=tmp_path / "b.safetensors", device="cpu")
+    resumed = train_networks(
+        config, run_folder=tmp_path / "broken", output=tmp_path / "b.safetensors", device="cpu"
+    )
     assert resumed[0] == pytest.approx(whole[0], rel=1e-4)
 
 
@@ -303,7 +310,7 @@ def test_a_prolonged_run_ends_as_one_started_for_that_length(folder, tmp_path, m
 
     def run(name, steps, members):
         config = TrainingConfig((MUG,), samples=4, held_out=4, members=members, steps=steps, batch=2)
-        return train(
+        return train_networks(
             config, run_folder=tmp_path / name, output=tmp_path / f"{name}.safetensors", device="cpu"
         )
 
@@ -323,7 +330,7 @@ def test_a_run_folder_with_other_settings_is_refused(folder, tmp_path, monkeypat
     torch.save({"config": json.dumps({"steps": 2, "seed": 1})}, member / "checkpoint.pt")
     config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
     with pytest.raises(SettingsError, match="other settings"):
-        train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
+        train_networks(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
 
 
 def _tiny_run(folder, tmp_path, monkeypatch, **changes):
@@ -332,7 +339,7 @@ def _tiny_run(folder, tmp_path, monkeypatch, **changes):
     settings: dict[str, Any] = {"samples": 4, "held_out": 4, "members": 1, "steps": 1, "batch": 2} | changes
     output = settings.pop("output", tmp_path / "a.safetensors")
     config = TrainingConfig((MUG,), **settings)
-    return train(config, run_folder=tmp_path / "run", output=output, device="cpu")
+    return train_networks(config, run_folder=tmp_path / "run", output=output, device="cpu")
 
 
 @pytest.mark.parametrize("batch", [3, 5])
@@ -365,7 +372,9 @@ def test_an_output_that_cannot_be_written_is_refused_before_training(tmp_path, m
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: pytest.fail("rendered"))
     config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=1, batch=2)
     with pytest.raises(SettingsError, match=r"a\.safetensors: cannot be written"):
-        train(config, run_folder=tmp_path / "run", output=tmp_path / "file" / "a.safetensors", device="cpu")
+        train_networks(
+            config, run_folder=tmp_path / "run", output=tmp_path / "file" / "a.safetensors", device="cpu"
+        )
 
 
 def _rebuilt(file="shape_space.npz"):
@@ -386,9 +395,9 @@ def test_a_run_of_a_category_that_was_built_again_is_refused(folder, tmp_path, m
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
     config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
     places = {"run_folder": tmp_path / "run", "output": tmp_path / "a.safetensors"}
-    train(config, **places, device="cpu")
+    train_networks(config, **places, device="cpu")
     with pytest.raises(SettingsError, match="other settings"):
-        train(dataclasses.replace(config, categories=(_rebuilt(),)), **places, device="cpu")
+        train_networks(dataclasses.replace(config, categories=(_rebuilt(),)), **places, device="cpu")
 
 
 @pytest.mark.parametrize("members", [1, 2])
@@ -428,8 +437,8 @@ def test_a_resumed_run_logs_every_step_once(folder, tmp_path, monkeypatch):
     config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=4, batch=2)
     places = {"run_folder": tmp_path / "run", "output": tmp_path / "a.safetensors", "device": "cpu"}
     with pytest.raises(Killed):
-        train(config, **places, on_step=kill)
-    train(config, **places)
+        train_networks(config, **places, on_step=kill)
+    train_networks(config, **places)
     rows = read_rows(training_module.member_folder(tmp_path / "run", 0))
     assert [row["step"] for row in rows] == ["1", "2", "3", "4"]
 
@@ -478,7 +487,7 @@ def test_training_without_test_instances_warns(folder, tmp_path, monkeypatch, ca
     monkeypatch.setattr(training_module, "_data_sets", lambda *_: (data, data))
     monkeypatch.setattr(training_module, "without_held_out", lambda _: ["mycup"])
     config = TrainingConfig((MUG,), samples=4, held_out=4, members=1, steps=2, batch=2)
-    train(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
+    train_networks(config, run_folder=tmp_path / "run", output=tmp_path / "a.safetensors", device="cpu")
     assert "mycup has no test instances" in caplog.text
 
 
@@ -513,7 +522,7 @@ def test_a_batch_that_the_processes_cannot_share_is_refused(monkeypatch, tmp_pat
     monkeypatch.setattr(training_module, "join_processes", lambda *_: Place(0, 3, torch.device("cpu")))
     places = {"run_folder": tmp_path / "run", "output": tmp_path / "a.safetensors"}
     with pytest.raises(SettingsError, match="batch"):
-        train(TrainingConfig((MUG,), batch=32), **places, device="cpu")
+        train_networks(TrainingConfig((MUG,), batch=32), **places, device="cpu")
 
 
 def test_two_processes_train_one_network(folder, tmp_path):
@@ -540,6 +549,7 @@ import torch
 from grasptransfer.category import load_category
 from grasptransfer.workshop.training import training
 from grasptransfer.workshop.training.dataset import Dataset
+from grasptransfer.workshop.training.settings import TrainingConfig
 
 torch.set_num_threads(1)
 data, out = Dataset(Path(sys.argv[1])), Path(sys.argv[2])
@@ -555,8 +565,9 @@ def batch_of(run, number, dataset):
 
 
 training._Run.batch_of = batch_of
-config = training.TrainingConfig((load_category("mug"),), samples=4, held_out=4, members=2, steps=2, batch=2)
-scores, _ = training.train(config, run_folder=out / "run", output=out / "w.safetensors", device="cpu")
+config = TrainingConfig((load_category("mug"),), samples=4, held_out=4, members=2, steps=2, batch=2)
+places = {"run_folder": out / "run", "output": out / "w.safetensors"}
+scores, _ = training.train_networks(config, **places, device="cpu")
 result = {"scores": scores, "batch": batches[0]}
 (out / f"rank_{os.environ['RANK']}.json").write_text(json.dumps(result))
 """

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from grasptransfer.workshop.building import CategoryBuild, build_category
+from grasptransfer.workshop.building import BuildSettings, CategoryBuild, build_category
 
 SMALL = {"control_points": 80, "workers": 1, "beta": 1.0, "lam": 1.0, "modes": 2, "flexibility": 0.0}
 
@@ -39,4 +39,5 @@ def write_vases(folder: Path) -> Path:
 
 def build_vases(meshes: Path, out: Path, **options) -> CategoryBuild:
     """The category of `write_vases`, its settings given; the fifth instance is for the test."""
-    return build_category("vase", meshes=meshes, test=["e"], out=out, **SMALL, **options)
+    calls = {key: options.pop(key) for key in ("progress", "finish") if key in options}
+    return build_category(BuildSettings("vase", meshes, test=("e",), out=out, **SMALL | options), **calls)

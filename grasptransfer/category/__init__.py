@@ -9,15 +9,12 @@ from grasptransfer.category.category import (
     load_category,
     objects_folder,
 )
-from grasptransfer.category.check import Fault, check_category
 from grasptransfer.category.settings import CategoryFile, Settings
 
 __all__ = [
     "Category",
     "CategoryFile",
-    "Fault",
     "Settings",
-    "check_category",
     "list_categories",
     "load_category",
     "objects_folder",

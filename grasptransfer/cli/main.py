@@ -8,22 +8,52 @@ import logging
 import re
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from importlib.metadata import requires
-from typing import Any
 
 import tyro
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.markup import escape
 
-from grasptransfer.cli.annotate import annotate
-from grasptransfer.cli.bench import COMMANDS as BENCHMARKS
-from grasptransfer.cli.category import COMMANDS as CATEGORY
-from grasptransfer.cli.grasps import convert, frames
-from grasptransfer.cli.serve import serve
-from grasptransfer.cli.train import train
-from grasptransfer.cli.transfer import demo, simulate, transfer
-from grasptransfer.errors import GraspTransferError, check_seed
+from grasptransfer.errors import GraspTransferError
+
+Command = Callable[..., int]
+
+# Each command as `module:function` of `grasptransfer.cli`; modules are imported when they are needed.
+GROUPS: dict[str, dict[str, str]] = {
+    "category": {
+        "list": "category:list_",
+        "info": "category:info",
+        "check": "category:check",
+        "build": "build:build",
+    },
+    "bench": {
+        "cpd": "bench.clouds:cpd",
+        "latent-fit": "bench.clouds:latent_fit",
+        "registration": "bench.pictures:registration",
+        "pose-noise": "bench.pictures:pose_noise",
+        "glass": "bench.pictures:glass",
+        "latency": "bench.pictures:latency",
+        "photos": "bench.pictures:photos",
+        "refusal": "bench.pictures:refusal",
+        "grasp": "bench.grasps:grasp",
+        "calibration": "bench.grasps:calibration",
+        "engines": "bench.grasps:engines",
+    },
+}
+COMMANDS: dict[str, str] = {
+    "demo": "transfer:demo",
+    "transfer": "transfer:transfer",
+    "category": "category",
+    "train": "train:train",
+    "annotate": "annotate:annotate",
+    "simulate": "transfer:simulate",
+    "serve": "serve:serve",
+    "convert": "grasps:convert",
+    "frames": "grasps:frames",
+    "bench": "bench",
+}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -31,13 +61,8 @@ def main(arguments: list[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else arguments
     handler = RichHandler(console=Console(stderr=True), show_path=False, show_time=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
-    commands, program = COMMANDS, "grasptransfer"
-    if arguments and arguments[0] in GROUPS:
-        commands, program = GROUPS[arguments[0]], f"grasptransfer {arguments[0]}"
-        arguments = arguments[1:]
-    commands = {name: _checked(command) for name, command in commands.items()}
     try:
-        code = tyro.extras.subcommand_cli_from_dict(commands, prog=program, args=arguments)
+        code = _parsed(arguments)()
     except GraspTransferError as error:
         _print_error(str(error))
         sys.exit(2)
@@ -50,6 +75,52 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         sys.exit(130)  # as a shell reports it; finished parts of long commands are on disk
     sys.exit(code)
+
+
+def _parsed(arguments: list[str]) -> Callable[[], int]:
+    """The command with its settings, ready to run.
+
+    Raises:
+        GraspTransferError: settings that refuse their values.
+        SystemExit: help was asked for, or flags are wrong; what there is to say has been printed.
+    """
+    commands, program = COMMANDS, "grasptransfer"
+    if arguments and arguments[0] in GROUPS:
+        commands, program = GROUPS[arguments[0]], f"grasptransfer {arguments[0]}"
+        arguments = arguments[1:]
+    if arguments and arguments[0] in commands:  # no other command's modules are imported then
+        command, program = _deferred(_loaded(commands[arguments[0]])), f"{program} {arguments[0]}"
+        parse = functools.partial(tyro.cli, command, prog=program, args=arguments[1:])
+    else:
+        every = {name: _deferred(_loaded(place)) for name, place in commands.items()}
+        parse = functools.partial(tyro.extras.subcommand_cli_from_dict, every, prog=program, args=arguments)
+    parse = functools.partial(parse, config=(tyro.conf.OmitArgPrefixes,))
+    try:
+        return parse(console_outputs=False)
+    except SystemExit as stopped:
+        cause: BaseException | None = stopped
+        while cause is not None and not isinstance(cause, GraspTransferError):
+            cause = cause.__cause__ or cause.__context__
+        if cause is not None:
+            raise cause from None
+    return parse()
+
+
+def _deferred(command: Command) -> Callable[..., Callable[[], int]]:
+    """The command as tyro is to call it: settings are checked while parsing, the work is done afterwards."""
+
+    @functools.wraps(command)
+    def deferred(*positional, **options) -> Callable[[], int]:
+        return functools.partial(command, *positional, **options)
+
+    return deferred
+
+
+def _loaded(place: str) -> Command:
+    if place in GROUPS:
+        return _group(place)
+    module, name = place.split(":")
+    return getattr(import_module(f"grasptransfer.cli.{module}"), name)
 
 
 def _print_error(text: str) -> None:
@@ -65,39 +136,10 @@ def _extra_with(package: str) -> str | None:
     return None
 
 
-def _checked(command: Callable[..., int]) -> Callable[..., int]:
-    """The command, refusing a wrong seed before it computes anything."""
-
-    @functools.wraps(command)
-    def checked(*positional, **options) -> int:
-        check_seed(options.get("seed", 0))
-        return command(*positional, **options)
-
-    return checked
-
-
-def _group(name: str) -> Callable[[], int]:
+def _group(name: str) -> Command:
     def show() -> int:
         main([name, "--help"])
         return 0
 
     show.__doc__ = f"{' | '.join(GROUPS[name])}: see `grasptransfer {name} --help`."
     return show
-
-
-GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
-    "category": CATEGORY,
-    "bench": BENCHMARKS,
-}
-COMMANDS: dict[str, Callable[..., Any]] = {
-    "demo": demo,
-    "transfer": transfer,
-    "category": _group("category"),
-    "train": train,
-    "annotate": annotate,
-    "simulate": simulate,
-    "serve": serve,
-    "convert": convert,
-    "frames": frames,
-    "bench": _group("bench"),
-}

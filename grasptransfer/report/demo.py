@@ -10,7 +10,7 @@ from grasptransfer.errors import CategoryError
 from grasptransfer.perception.estimate import Estimator
 from grasptransfer.poses import load_pose
 from grasptransfer.report.result_files import check_folder
-from grasptransfer.report.transfer_files import Outcome, execute_best, write_outcome
+from grasptransfer.report.transfer_files import TransferOutcome, execute_best, write_outcome
 from grasptransfer.transfer import GraspTransfer
 
 CATEGORY = "mug"
@@ -23,7 +23,7 @@ def run_demo(
     seed: int = 0,
     estimator: str | Estimator = "rgb",
     on_stage: Callable[[str], None] = lambda stage: None,
-) -> Outcome:
+) -> TransferOutcome:
     """Transfer grasps to the mug in the bundled picture, execute the best, and write the report.
 
     Args:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,8 +10,9 @@ import numpy as np
 from rich.table import Table
 
 from grasptransfer.errors import GraspFileError
-from grasptransfer.grasping.formats import read_grasps
+from grasptransfer.grasping.formats import GraspSet, read_grasps
 from grasptransfer.meshes import SMALLEST, in_metres, read_mesh
+from grasptransfer.options import Protocol, Seed, Workers, check_counts
 from grasptransfer.poses import load_pose
 from grasptransfer.report.result_files import check_folder
 from grasptransfer.report.transfer_files import FRAMES_PER_SECOND
@@ -19,70 +21,83 @@ if TYPE_CHECKING:
     from grasptransfer.simulation import TrialResult
 
 
-def run_simulation(
-    grasps: Path,
-    mesh: Path,
-    gripper: str | None = None,
-    *,
-    pose: Path | None = None,
-    scale: float | None = None,
-    protocol: str = "lift-shake-v1",
-    engine: str | None = None,
-    trials: int = 1,
-    workers: int = 1,
-    results: Path | None = None,
-    seed: int = 0,
-    movies: Path | None = None,
-) -> tuple[Table, int]:
-    """Execute the grasps of a file on a mesh in a physics engine; a table of them, and how many trials held.
+@dataclass(frozen=True)
+class SimulationSettings:
+    """Which grasps are executed on what, and how.
 
     Args:
-        grasps: file in any format `convert` reads; poses in the mesh's frame.
-        mesh: of the object.
-        gripper: name, or path of a YAML file; None: the one that the grasp file names, or the Panda.
-        pose: file with the object's pose, for grasps in a camera's frame.
-        scale: metres in one unit of the mesh; None: as the grasp file says, else 1.
-        protocol: by name.
-        engine: by name; None: PyBullet where it is installed.
-        trials: of each grasp; 1 executes it exactly, more are perturbed.
-        workers: processes.
-        results: JSON lines to append to, and to resume from.
-        seed: of the perturbations.
+        grasps: grasp file in any format `convert` reads.
+        mesh: the object.
+        gripper: name, or YAML of your own; default: the one that the grasp file names, or panda.
+        pose: pose file of the object, for grasps that are in a camera's frame.
+        scale: metres in one unit of the mesh; default: what the grasp file says, else 1.
+        engine: pybullet or mujoco; default: PyBullet where it is installed.
+        trials: perturbed trials of each grasp; 1 executes it exactly.
+        results: JSON lines that an interrupted run resumes from.
         movies: folder for a GIF of each trial; finished trials run again for it.
+
+    Raises:
+        SettingsError: no trials, no workers, or a seed below 0.
+    """
+
+    grasps: Path
+    mesh: Path
+    gripper: str | None = None
+    pose: Path | None = None
+    scale: float | None = None
+    protocol: Protocol = "lift-shake-v1"
+    engine: str | None = None
+    trials: int = 1
+    workers: Workers = 1
+    results: Path | None = None
+    movies: Path | None = None
+    seed: Seed = 0
+
+    def __post_init__(self):
+        check_counts(self, "trials", "workers")
+
+
+def run_simulation(settings: SimulationSettings) -> tuple[Table, int]:
+    """Execute the grasps of a file on a mesh in a physics engine; a table of them, and how many trials held.
 
     Raises:
         GraspTransferError: wrong input, named by file, key and value.
     """
     from grasptransfer.simulation import simulate
 
-    if movies is not None:
-        check_folder(movies, "movies")
-    read = read_mesh(mesh)
-    found = read_grasps(grasps, gripper=gripper)
-    try:
-        found = found.in_object_frame(None if pose is None else load_pose(pose))
-    except GraspFileError as error:
-        raise error.at(grasps) from error
+    if settings.movies is not None:
+        check_folder(settings.movies, "movies")
+    read = read_mesh(settings.mesh)
+    found = _in_object_frame(settings)
     hand = found.gripper
     assert hand is not None  # every file is read for one
-    solid = in_metres(read, mesh, scale=found.object_scale if scale is None else scale, smallest=SMALLEST)
+    scale = found.object_scale if settings.scale is None else settings.scale
+    solid = in_metres(read, settings.mesh, scale=scale, smallest=SMALLEST)
     outcomes = simulate(
         found.grasps,
         solid,
         hand,
-        protocol=protocol,
-        engine=engine,
-        trials=trials,
-        workers=workers,
-        results_path=results,
-        seed=seed,
-        frames=None if movies is None else FRAMES_PER_SECOND,
+        protocol=settings.protocol,
+        engine=settings.engine,
+        trials=settings.trials,
+        workers=settings.workers,
+        results_path=settings.results,
+        seed=settings.seed,
+        frames=None if settings.movies is None else FRAMES_PER_SECOND,
     )
-    if movies is not None:
+    if settings.movies is not None:
         from grasptransfer.report.movie import save_movies
 
-        save_movies(outcomes, solid, hand, movies)
+        save_movies(outcomes, solid, hand, settings.movies)
     return execution_table(outcomes), sum(outcome.held for outcome in outcomes)
+
+
+def _in_object_frame(settings: SimulationSettings) -> GraspSet:
+    found = read_grasps(settings.grasps, gripper=settings.gripper)
+    try:
+        return found.in_object_frame(None if settings.pose is None else load_pose(settings.pose))
+    except GraspFileError as error:
+        raise error.at(settings.grasps) from error
 
 
 def execution_table(outcomes: "Sequence[TrialResult]") -> Table:

@@ -6,18 +6,21 @@ from collections.abc import Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
 from PIL import Image
+from tyro.conf import Positional, arg
 
 from grasptransfer.errors import ImageError
 from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import load_scene, placed_at
 from grasptransfer.meshes import load_mesh
+from grasptransfer.options import Device, EstimatorName, Precision, RefinePose, Seed, check_counts
+from grasptransfer.perception.estimators import EstimatorSettings
 from grasptransfer.perception.observation import read_image
 from grasptransfer.perception.picture_camera import camera_of
 from grasptransfer.poses import PoseSigma, read_pose
@@ -38,7 +41,7 @@ FRAMES_PER_SECOND = 10.0
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TransferOutcome:
     """What a command found.
 
     Args:
@@ -56,62 +59,92 @@ class Outcome:
     folder: Path
 
 
-def run_transfer(
-    image: Path,
-    pose: Path,
-    category: str,
-    *,
-    out: Path,
-    camera: Path | None = None,
-    gripper: str = "panda",
-    scene: Path | None = None,
-    mask: Path | None = None,
-    box: tuple[float, float, float, float] | None = None,
-    depth: Path | None = None,
-    execute: Path | None = None,
-    estimator: str = "rgb",
-    pose_sigma: PoseSigma | None = None,
-    refine_pose: bool = True,
-    device: str = "auto",
-    precision: str = "auto",
-    seed: int = 0,
-) -> Outcome:
-    """Transfer grasps to the instance in a picture, and write report, grasps and reconstruction.
+@dataclass(frozen=True)
+class TransferSettings:
+    """Files in, files out, and how the grasps are transferred.
 
     Args:
-        image, pose, camera, mask, depth, scene: files, as the command line describes them.
-        category, gripper: names, or paths of one's own.
-        box: (u0, v0, u1, v1) around the object [px].
-        execute: mesh of the instance, object frame [m]; it stands at the given pose.
-        pose_sigma: how sure the pose is, as of `transfer_grasps`; None takes what the pose file says.
-        out: folder, made where it is missing; files of the same names are replaced.
+        image: RGB picture.
+        category: name or folder of the category.
+        pose: YAML with camera_from_object (4x4, OpenCV, metres); also of BOP, ROS, MegaPose, and 4x4 text.
+        out: folder for report.html, grasps.yaml and reconstruction.glb; files of these names are replaced.
+        camera: YAML with fx fy cx cy width height; also camera_info, calibrations, 3x3 text; without it the
+            photograph's EXIF data count, else 60 degrees are assumed.
+        gripper: name, or YAML of your own.
+        scene: YAML with obstacles and a support plane.
+        mask: picture that is white on the object.
+        box: u0 v0 u1 v1 around the object [px], as any detector gives it.
+        execute: true mesh of the instance [m], standing at the given pose; the grasps are executed on it.
+        pose_sigma: how sure the pose is: 0, exact; or standard deviations in metres and degrees; without it,
+            the pose file's pose_sigma counts, or else the errors of real pose estimators.
+        depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
+
+    Raises:
+        SettingsError: a seed below 0, or an unknown device or precision.
+    """
+
+    image: Positional[Annotated[Path, arg(metavar="IMAGE")]]
+    category: str
+    pose: Path
+    out: Path
+    camera: Path | None = None
+    gripper: str = "panda"
+    scene: Path | None = None
+    mask: Path | None = None
+    box: tuple[float, float, float, float] | None = None
+    execute: Path | None = None
+    pose_sigma: tuple[float, ...] | None = None
+    refine_pose: RefinePose = True
+    estimator: EstimatorName = "rgb"
+    depth: Path | None = None
+    device: Device = "auto"
+    precision: Precision = "auto"
+    seed: Seed = 0
+
+    def __post_init__(self):
+        check_counts(self)
+        EstimatorSettings(self.refine_pose, self.device, self.precision)
+
+    @property
+    def given_sigma(self) -> PoseSigma | None:
+        """How sure the pose is, as `transfer_grasps` takes it."""
+        sigma: Any = self.pose_sigma  # whatever its length, `transfer_grasps` answers what is wrong with it
+        return sigma[0] if sigma is not None and len(sigma) == 1 else sigma
+
+
+def run_transfer(settings: TransferSettings) -> TransferOutcome:
+    """Transfer grasps to the instance in a picture, and write report, grasps and reconstruction.
 
     Raises:
         GraspTransferError: wrong input; nothing is written then.
     """
-    check_folder(out, "out")
-    pixels, given = read_image(image), read_pose(pose, image=image)
+    check_folder(settings.out, "out")
+    pixels, given = read_image(settings.image), read_pose(settings.pose, image=settings.image)
     seen = {
-        "camera": camera_of(image, camera, *pixels.shape[1::-1]),
-        "box": box,
-        "mask": None if mask is None else load_mask(mask),
-        "depth": None if depth is None else load_depth(depth),
-        "scene": None if scene is None else load_scene(scene),
-        "pose_sigma": given.pose_sigma if pose_sigma is None else pose_sigma,
+        "camera": camera_of(settings.image, settings.camera, *pixels.shape[1::-1]),
+        "box": settings.box,
+        "mask": None if settings.mask is None else load_mask(settings.mask),
+        "depth": None if settings.depth is None else load_depth(settings.depth),
+        "scene": None if settings.scene is None else load_scene(settings.scene),
+        "pose_sigma": given.pose_sigma if settings.pose_sigma is None else settings.given_sigma,
     }
-    true_mesh = None if execute is None else load_mesh(execute)
+    true_mesh = None if settings.execute is None else load_mesh(settings.execute)
     flow = GraspTransfer(
-        category,
-        gripper=gripper,
-        estimator=estimator,
-        refine_pose=refine_pose,
-        device=device,
-        precision=precision,
-        seed=seed,
+        settings.category,
+        gripper=settings.gripper,
+        estimator=settings.estimator,
+        refine_pose=settings.refine_pose,
+        device=settings.device,
+        precision=settings.precision,
+        seed=settings.seed,
     )
     result = flow.transfer(pixels, given.camera_from_object, **seen)
-    trials = () if true_mesh is None else execute_best(result, true_mesh, given.camera_from_object, seed=seed)
-    return write_outcome(result, trials, true_mesh, out)
+    trials = (
+        ()
+        if true_mesh is None
+        else execute_best(result, true_mesh, given.camera_from_object, seed=settings.seed)
+    )
+    return write_outcome(result, trials, true_mesh, settings.out)
 
 
 def execute_best(
@@ -151,14 +184,14 @@ def write_outcome(
     trials: "Sequence[TrialResult]",
     true_mesh: trimesh.Trimesh | None,
     out: Path,
-) -> Outcome:
+) -> TransferOutcome:
     """Write the report, the 3D scene and what `TransferResult.save` writes; all files or none."""
     out = Path(out)
     with replacing_files(out) as folder:
         save_result(result, folder)
         write_whole(folder / SCENE, scene_glb(result))
         write_page(result, folder / REPORT, trials=trials, executed_mesh=true_mesh, executed_why=EXECUTED_WHY)
-    return Outcome(sentence(result, trials, out), bool(result.usable), result, tuple(trials), out)
+    return TransferOutcome(sentence(result, trials, out), bool(result.usable), result, tuple(trials), out)
 
 
 def sentence(result: TransferResult, trials: "Sequence[TrialResult]", out: Path) -> str:

@@ -11,7 +11,6 @@ import signal
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 
 import msgpack
 import numpy as np
@@ -24,40 +23,12 @@ from grasptransfer.grasping import list_grippers
 from grasptransfer.report.result_files import as_data
 from grasptransfer.result import TransferResult
 from grasptransfer.service import requests
+from grasptransfer.service.settings import ServiceSettings
 from grasptransfer.transfer import ESTIMATORS, GraspTransfer
 
 FRAMES = "camera: OpenCV axes; object: z up, +x its front; gripper: the TCP, +z approach, +x closing"
 POLL_MS = 200  # how soon the service notices that it is asked to stop
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class ServiceSettings:
-    """What a service offers, and to whom.
-
-    Args:
-        host: address to serve at; 0.0.0.0 lets other machines in, which then need no password.
-        port: to serve at.
-        categories: names or folders that may be asked for; none given: all shipped ones.
-        grippers: names or YAML files that may be asked for, the first by default; none given: all shipped.
-        device: auto, cpu or cuda.
-        warm: transfers that are kept ready, each of one category, gripper and estimator.
-        largest_mb: size of a request, beyond which its sender is disconnected.
-    """
-
-    host: str = "127.0.0.1"
-    port: int = 5556
-    categories: tuple[str, ...] = ()
-    grippers: tuple[str, ...] = ()
-    device: str = "auto"
-    warm: int = 6
-    largest_mb: int = 64
-
-    def __post_init__(self):
-        for key, least, most in (("port", 1, 65535), ("warm", 1, 1000), ("largest_mb", 1, 1000)):
-            value = getattr(self, key)
-            if not least <= value <= most:
-                raise SettingsError(f"must lie between {least} and {most}", key=key, value=value)
 
 
 class Service:

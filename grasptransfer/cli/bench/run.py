@@ -2,23 +2,71 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
 from grasptransfer.cli.progress import progress_bar
 from grasptransfer.errors import SettingsError
+from grasptransfer.options import Workers, check_counts
 
 console = Console()
 
 
-def run(benchmark: Callable[..., dict], json: Path) -> int:
+@dataclass(frozen=True)
+class Results:
+    """Where the results go.
+
+    Args:
+        json: file for the results.
+
+    Raises:
+        SettingsError: it could not be written after hours of work.
+    """
+
+    json: Path
+
+    def __post_init__(self):
+        if self.json.is_dir():
+            raise SettingsError("is a folder", path=self.json, key="json", fix="Give a file")
+        folder = next(above for above in self.json.absolute().parents if above.exists())
+        if not folder.is_dir() or not os.access(folder, os.W_OK):
+            raise SettingsError("cannot be written", path=self.json, key="json", fix=f"Not into {folder}")
+
+    @property
+    def ledger(self) -> Path:
+        """Finished rows of a run that has not ended."""
+        return self.json.with_name(self.json.name + ".rows")
+
+
+@dataclass(frozen=True)
+class ResumedResults(Results):
+    """Where the results go, and who measures them.
+
+    Args:
+        json: file for the results; a killed run goes on from the file beside it.
+    """
+
+    workers: Workers = 2
+
+    def __post_init__(self):
+        super().__post_init__()
+        check_counts(self, "workers")
+
+    def how(self) -> dict[str, Any]:
+        """What a benchmark that resumes is told of it."""
+        return {"workers": self.workers, "ledger": self.ledger}
+
+
+def run(benchmark: Callable[..., dict], results: Results) -> int:
     """Run it, write its document and print its rows and summary; the exit code.
 
     Args:
         benchmark: takes `progress`, which is told how many of how many are done, and gives the document.
-        json: file for the document.
+        results: where the document goes.
 
     Raises:
         GraspTransferError: wrong input, named by argument, value and choices.
@@ -26,7 +74,6 @@ def run(benchmark: Callable[..., dict], json: Path) -> int:
     from grasptransfer.workshop.benchmark.document import write_document
     from grasptransfer.workshop.benchmark.tables import rows_table
 
-    _check_place(json)
     with progress_bar(console) as progress:
         task = progress.add_task("instances", total=None, visible=False)  # not before the settings are taken
 
@@ -34,28 +81,14 @@ def run(benchmark: Callable[..., dict], json: Path) -> int:
             progress.update(task, completed=done, total=total, visible=True)
 
         result = benchmark(progress=tell)
-    write_document(result, json)
-    ledger_of(json).unlink(missing_ok=True)
+    write_document(result, results.json)
+    results.ledger.unlink(missing_ok=True)
     rows = rows_table(result)
     if rows is not None:
         console.print(rows)
     console.print(_summary_table(result))
-    console.print(f"Rows and settings: {json}")
+    console.print(f"Rows and settings: {results.json}")
     return 0
-
-
-def _check_place(json: Path) -> None:
-    """Refuse before hours of work what could not be written after them."""
-    if json.is_dir():
-        raise SettingsError("is a folder", path=json, key="json", fix="Give a file")
-    folder = next(above for above in json.absolute().parents if above.exists())
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise SettingsError("cannot be written", path=json, key="json", fix=f"Not into {folder}")
-
-
-def ledger_of(json: Path) -> Path:
-    """Finished rows of a run that has not ended."""
-    return json.with_name(json.name + ".rows")
 
 
 def _summary_table(result: dict) -> Table:

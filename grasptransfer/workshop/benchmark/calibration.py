@@ -23,12 +23,20 @@ from grasptransfer.grasping.success_model import (
     expected_success,
     write_ranking,
 )
+from grasptransfer.options import GripperName, Protocol, check_counts
 from grasptransfer.perception.estimators import EstimatorSettings, make_estimator
 from grasptransfer.simulation import simulate
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.grasp import as_executed
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
+from grasptransfer.workshop.benchmark.options import (
+    Categories,
+    Rotation,
+    Translation,
+    ViewsOfEach,
+    name_trained,
+)
 from grasptransfer.workshop.benchmark.seen_instances import (
     load_instance,
     observe_instance,
@@ -46,26 +54,25 @@ RIDGE = 0.02  # holds weights that few grasps speak of near the given ones
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """What is measured.
+    """What is measured; every other view has the pose error: one set of weights serves exact and wrong poses.
 
     Args:
-        categories: names.
         objects: random shapes of each category.
-        views: of each object, spread over the paper's 74.
-        gripper, protocol: of the execution.
-        translation_noise, rotation_noise: of the told pose [m, rad], in every other view: one set of weights
-            has to serve exact and wrong poses.
         seed: of lights, backgrounds, pose errors and trials.
     """
 
-    categories: tuple[str, ...]
+    categories: Categories = ()
     objects: int = 12
-    views: int = 3
-    gripper: str = "panda"
-    protocol: str = "lift-shake-v1"
-    translation_noise: float = 0.0
-    rotation_noise: float = 0.0
+    views: ViewsOfEach = 3
+    gripper: GripperName = "panda"
+    protocol: Protocol = "lift-shake-v1"
+    translation_noise: Translation = 0.0
+    rotation_noise: Rotation = 0.0
     seed: int = 0
+
+    def __post_init__(self):
+        name_trained(self)
+        check_counts(self)
 
 
 @dataclass(frozen=True)

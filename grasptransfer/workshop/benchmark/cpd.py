@@ -19,8 +19,10 @@ from scipy.spatial import KDTree
 
 from grasptransfer.errors import SettingsError
 from grasptransfer.jobs import run_fresh
+from grasptransfer.options import check_counts
 from grasptransfer.registration import PreparedSource, cpd
 from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.options import Repeats
 from grasptransfer.workshop.objects import canonical
 
 OURS = ("grasptransfer", "grasptransfer-numpy")
@@ -35,7 +37,6 @@ class CpdSettings:
 
     Args:
         sizes: points of each cloud.
-        repeats: of each measurement; their median counts.
         iterations: forced.
         beta: kernel width, normalised units.
         lam: lambda.
@@ -45,13 +46,18 @@ class CpdSettings:
     """
 
     sizes: tuple[int, ...] = (500, 1000, 2000, 4000, 8000)
-    repeats: int = 3
+    repeats: Repeats = 3
     iterations: int = 150
     beta: float = 2.0
     lam: float = 2.0
     longest: float = 100.0
     largest_peer: int = 4000
     seed: int = 0
+
+    def __post_init__(self):
+        if not self.sizes or min(self.sizes) < 10:
+            raise SettingsError("must be clouds of at least 10 points", key="sizes", value=self.sizes)
+        check_counts(self, "repeats", "iterations")
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,31 +80,13 @@ class Clouds:
         return float(np.square(distances * self.scale).mean() * 1e6)
 
 
-def run_cpd_benchmark(
-    sizes: tuple[int, ...] = CpdSettings.sizes,
-    *,
-    repeats: int = CpdSettings.repeats,
-    longest: float = CpdSettings.longest,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> dict:
+def run_cpd_benchmark(settings: CpdSettings, *, progress: Callable[[int, int], None] | None = None) -> dict:
     """Compare our CPD with each installed peer.
 
     Args:
-        sizes: points of each cloud.
-        repeats: of each measurement; their median counts.
-        longest: a peer that would take more seconds than this is extrapolated.
-        seed: of the clouds.
         progress: told how many sizes are done, of how many.
-
-    Raises:
-        SettingsError: a cloud of fewer than 10 points, or no repeat.
     """
-    if not sizes or min(sizes) < 10:
-        raise SettingsError("must be clouds of at least 10 points", key="sizes", value=tuple(sizes))
-    if repeats < 1:
-        raise SettingsError("must be at least 1", key="repeats", value=repeats)
-    settings = CpdSettings(tuple(sizes), repeats, longest=longest, seed=seed)
+    seed = settings.seed
     peers = [peer for peer in PEERS if importlib.util.find_spec(peer)]
     _register("grasptransfer", _clouds(60, seed), settings, 2)  # compiles, or loads what was compiled
     rows: list[dict] = []

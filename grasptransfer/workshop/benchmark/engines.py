@@ -18,6 +18,7 @@ import numpy as np
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.grasping import load_gripper
+from grasptransfer.options import GripperName, Protocol, check_counts
 from grasptransfer.simulation import TrialResult, installed_engines, load_protocol, simulate
 from grasptransfer.simulation.engines import choose_engine, engine_version
 from grasptransfer.transfer import GraspTransfer
@@ -25,6 +26,7 @@ from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.estimators import TrueFieldEstimator
 from grasptransfer.workshop.benchmark.grasp import as_executed, best_of_each_family
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
+from grasptransfer.workshop.benchmark.options import Categories, Meshes, name_trained
 from grasptransfer.workshop.benchmark.seen_instances import (
     instance_names,
     load_instance,
@@ -38,22 +40,22 @@ class EngineSettings:
     """What is measured.
 
     Args:
-        categories: names.
-        meshes: folder of `<category>/<name>/mesh.*`; None takes the shipped test instances.
-        gripper: name.
-        protocol: of the execution.
-        engines: names; none named: all that are installed.
-        trials: of each grasp, perturbed; 1: exact.
+        engines: names; none given: all that are installed.
+        trials: perturbed trials of each grasp; 1 executes it exactly.
         seed: of the perturbations.
     """
 
-    categories: tuple[str, ...]
-    meshes: Path | None = None
-    gripper: str = "panda"
-    protocol: str = "lift-shake-v2"
+    categories: Categories = ()
+    meshes: Meshes = None
+    gripper: GripperName = "panda"
+    protocol: Protocol = "lift-shake-v2"
     engines: tuple[str, ...] = ()
     trials: int = 1
     seed: int = 0
+
+    def __post_init__(self):
+        name_trained(self)
+        check_counts(self, "trials")
 
 
 def run_engine_benchmark(

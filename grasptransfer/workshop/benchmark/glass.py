@@ -11,6 +11,7 @@ import trimesh
 from grasptransfer.category import Category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
+from grasptransfer.options import check_counts
 from grasptransfer.perception.depth_sensor import DepthSensor, wall_behind
 from grasptransfer.perception.estimators import ESTIMATORS
 from grasptransfer.perception.observation import Observation
@@ -18,6 +19,7 @@ from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.estimators import OF_DEPTH, EstimatorSet
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.judge import Judge
+from grasptransfer.workshop.benchmark.options import Methods, Rotation, Translation, Views, Weights
 from grasptransfer.workshop.benchmark.registration_summary import MethodScores
 from grasptransfer.workshop.benchmark.seen_instances import (
     Sight,
@@ -39,24 +41,31 @@ class GlassSettings:
 
     Args:
         categories: names; instances without see-through parts are left out.
-        views: of the 74, spread evenly.
-        seed: of lights, backgrounds, walls and the sensor.
+        seed: of lights, backgrounds, pose errors, walls and the sensor.
         sensor: the depth camera.
-        gate: leave out depth that cannot be the object's, too far from the told position: what a careful
+        gate: leave out depth that cannot be the object's, too far from the given position: what a careful
             user of CPD and CLS does. rgbd has to see for itself.
-        methods: estimators; those that use depth are measured on true and on sensed depth.
-        weights: file for `rgb`; None takes the shipped ones.
-        pose_noise: error of the told pose, which rgb, rgbd and cls then refine; None tells the true one.
     """
 
-    categories: tuple[str, ...]
-    views: int = 20
+    categories: tuple[str, ...] = ("bottle", "spray_bottle")
+    views: Views = 20
     seed: int = 0
     sensor: DepthSensor = field(default_factory=DepthSensor)
     gate: bool = True
-    methods: tuple[str, ...] = ("rgb", *OF_DEPTH)
-    weights: Path | None = None
-    pose_noise: PoseNoise | None = None
+    methods: Methods = ("rgb", *OF_DEPTH)
+    weights: Weights = None
+    translation_noise: Translation = 0.0
+    rotation_noise: Rotation = 0.0
+
+    def __post_init__(self):
+        check_counts(self)
+
+    @property
+    def pose_noise(self) -> PoseNoise | None:
+        """Error of the given pose, which rgb, rgbd and cls then refine; None where the true one is given."""
+        if self.translation_noise or self.rotation_noise:
+            return PoseNoise(self.translation_noise, self.rotation_noise)
+        return None
 
 
 def run_glass_benchmark(

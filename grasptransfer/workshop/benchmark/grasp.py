@@ -14,6 +14,7 @@ from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import invert
 from grasptransfer.grasping import PlacedGrasp, WarpedGrasp, load_gripper, placed_at
+from grasptransfer.options import GripperName, Protocol, check_counts
 from grasptransfer.perception.estimators import check_estimators
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import load_protocol, simulate
@@ -21,6 +22,15 @@ from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.estimators import DEFAULT, OF_GRASPS, EstimatorSet
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
+from grasptransfer.workshop.benchmark.options import (
+    Categories,
+    Meshes,
+    Methods,
+    Rotation,
+    Translation,
+    Views,
+    name_trained,
+)
 from grasptransfer.workshop.benchmark.seen_instances import (
     Instance,
     instance_names,
@@ -40,28 +50,25 @@ class GraspSettings:
     """What is measured.
 
     Args:
-        categories: names.
-        meshes: folder of `<category>/<name>/mesh.*`; None takes the shipped test instances.
-        objects: random shapes of each category instead of the test instances; 0: none.
-        views: of the 74 viewpoints, spread evenly; random shapes are each seen from the next ones.
-        gripper: name.
-        protocol: of the execution.
+        objects: random shapes of each category instead of the test instances, each seen from the next
+            viewpoints; 0: none.
         seed: of lights, backgrounds, pose errors and trials.
-        translation_noise: half-width of the told pose's error on each axis [m].
-        rotation_noise: largest turn of the told pose [rad].
-        estimators: which of `estimators.OF_GRASPS`.
     """
 
-    categories: tuple[str, ...]
-    meshes: Path | None = None
+    categories: Categories = ()
+    meshes: Meshes = None
     objects: int = 0
-    views: int = 12
-    gripper: str = "panda"
-    protocol: str = "lift-shake-v1"
+    views: Views = 12
+    gripper: GripperName = "panda"
+    protocol: Protocol = "lift-shake-v1"
     seed: int = 0
-    translation_noise: float = 0.0
-    rotation_noise: float = 0.0
-    estimators: tuple[str, ...] = DEFAULT
+    translation_noise: Translation = 0.0
+    rotation_noise: Rotation = 0.0
+    estimators: Methods = DEFAULT
+
+    def __post_init__(self):
+        name_trained(self)
+        check_counts(self)
 
 
 def run_grasp_benchmark(

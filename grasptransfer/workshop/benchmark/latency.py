@@ -14,12 +14,13 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from grasptransfer.errors import SettingsError
 from grasptransfer.jobs import run_fresh
+from grasptransfer.options import Device, EstimatorName, GripperName, Precision, RefinePose, check_counts
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.precision import answer_precision, multiplies_bfloat16
 from grasptransfer.workshop.benchmark.document import document, processor_name
 from grasptransfer.workshop.benchmark.estimators import OF_DEPTH
+from grasptransfer.workshop.benchmark.options import Categories, name_trained
 from grasptransfer.workshop.benchmark.seen_instances import (
     instance_names,
     load_instance,
@@ -33,39 +34,31 @@ class LatencySettings:
     """What is measured.
 
     Args:
-        categories: names, each in a process of its own.
+        categories: names, each in a fresh process; none given: all that have weights.
         views: pictures after the first one.
-        estimator: one of `ESTIMATORS`.
-        refine_pose: fit the pose together with the shape.
-        gripper: name.
-        device: "auto", "cpu" or "cuda".
-        precision: "auto", "float32" or "bfloat16", of networks.
-        repeats: how often all pictures are transferred, to see whether that slows down.
+        repeats: how often all pictures are transferred; 100 show whether it slows down or takes more memory.
         seed: of pictures.
     """
 
-    categories: tuple[str, ...]
+    categories: Categories = ()
     views: int = 20
-    estimator: str = "rgb"
-    refine_pose: bool = True
-    gripper: str = "panda"
-    device: str = "auto"
-    precision: str = "auto"
+    estimator: EstimatorName = "rgb"
+    refine_pose: RefinePose = True
+    gripper: GripperName = "panda"
+    device: Device = "auto"
+    precision: Precision = "auto"
     repeats: int = 1
     seed: int = 0
+
+    def __post_init__(self):
+        name_trained(self)
+        check_counts(self, "views", "repeats")
 
 
 def run_latency_benchmark(
     settings: LatencySettings, *, progress: Callable[[int, int], None] | None = None
 ) -> dict:
-    """Milliseconds of every stage, as the contract's JSON document.
-
-    Raises:
-        SettingsError: no views, no repeats, or an unknown precision.
-    """
-    for key in ("views", "repeats"):
-        if getattr(settings, key) < 1:
-            raise SettingsError("must be at least 1", key=key, value=getattr(settings, key))
+    """Milliseconds of every stage, as the contract's JSON document."""
     precision = answer_precision(settings.precision)
     rows: list[dict] = []
     starts, runs = [], []

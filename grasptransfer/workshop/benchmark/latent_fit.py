@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import mean, median
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +20,7 @@ from scipy.optimize import least_squares
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
+from tyro.conf import arg
 
 from grasptransfer.errors import CategoryError
 from grasptransfer.jobs import single_blas_thread
@@ -26,6 +28,7 @@ from grasptransfer.registration import PreparedSource, ShapeSpace, cpd_all, late
 from grasptransfer.registration.clouds import check_cloud
 from grasptransfer.registration.kernels import gaussian
 from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.options import Repeats
 from grasptransfer.workshop.building.cloud_files import read_pcd, read_xyz
 from grasptransfer.workshop.building.sources import find_sources
 
@@ -42,14 +45,13 @@ class LatentFitSettings:
         n_modes: k of the shape space.
         beta: kernel width of CPD, normalised units.
         lam: lambda of CPD.
-        repeats: of each measurement; the median counts.
     """
 
     data: Path
-    n_modes: int = 5
+    n_modes: Annotated[int, arg(name="modes")] = 5
     beta: float = 1.0
     lam: float = 2.0
-    repeats: int = 3
+    repeats: Repeats = 3
 
 
 def run_latent_fit_benchmark(

@@ -17,6 +17,7 @@ from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError, ImageError, SettingsError
 from grasptransfer.meshes import load_mesh
+from grasptransfer.options import RefinePose
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.perception.observation import Observation, observe
@@ -31,6 +32,7 @@ from grasptransfer.workshop.benchmark.errors_of_shape import (
 )
 from grasptransfer.workshop.benchmark.grasp import Outcome, execute
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
+from grasptransfer.workshop.benchmark.options import Categories, Weights, name_trained
 from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
 
 
@@ -66,21 +68,21 @@ class PhotoSettings:
 
     Args:
         photos: folder with `photos.yaml`.
-        categories: names; entries of others are left out.
-        refine_pose: whether `rgb`, `rgbd` and `cls` refine the given pose.
-        told_box: whether the object's box is told, as a detector would.
-        depth: whether the methods that use depth are measured where a photograph comes with it.
-        grasps: whether transferred grasps are executed in PyBullet where a mesh is known.
-        weights: file for `rgb`; None takes the shipped ones.
+        told_box: give rgb the object's box, as a detector would.
+        depth: also measure the estimators that use depth, on photographs that come with it.
+        grasps: also execute transferred grasps, where a mesh is known.
     """
 
     photos: Path
-    categories: tuple[str, ...]
-    refine_pose: bool = True
+    categories: Categories = ()
+    refine_pose: RefinePose = True
     told_box: bool = True
     depth: bool = False
     grasps: bool = False
-    weights: Path | None = None
+    weights: Weights = None
+
+    def __post_init__(self):
+        name_trained(self)
 
 
 def run_photo_benchmark(

@@ -7,10 +7,12 @@ import numpy as np
 
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.options import check_counts
 from grasptransfer.perception.estimate import EstimateStatus
 from grasptransfer.perception.estimators import EstimatorSettings, make_estimator
 from grasptransfer.registration import DeformationField
 from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.options import Categories, ViewsOfEach, name_trained
 from grasptransfer.workshop.benchmark.seen_instances import (
     Instance,
     instances,
@@ -26,16 +28,19 @@ class RefusalSettings:
     """What is measured.
 
     Args:
-        categories: each one's estimator sees the test instances of all of them.
-        views: of each object, spread over the paper's 74.
+        categories: each one's estimator sees the test instances of all; none given: all that have weights.
         random_objects: objects of no category beside them.
         seed: of random objects, lights and backgrounds.
     """
 
-    categories: tuple[str, ...]
-    views: int = 4
+    categories: Categories = ()
+    views: ViewsOfEach = 4
     random_objects: int = 12
     seed: int = 0
+
+    def __post_init__(self):
+        name_trained(self)
+        check_counts(self)
 
 
 def run_refusal_benchmark(

@@ -10,11 +10,22 @@ import numpy as np
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import rotation_angle
+from grasptransfer.options import check_counts
 from grasptransfer.perception.estimators import check_estimators
 from grasptransfer.workshop.benchmark.document import document
-from grasptransfer.workshop.benchmark.estimators import DEFAULT, OF_SHAPES, EstimatorSet
+from grasptransfer.workshop.benchmark.estimators import DEFAULT, METHODS, OF_SHAPES, EstimatorSet
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.judge import Judge
+from grasptransfer.workshop.benchmark.options import (
+    Categories,
+    Meshes,
+    Methods,
+    Rotation,
+    Translation,
+    Views,
+    Weights,
+    name_trained,
+)
 from grasptransfer.workshop.benchmark.registration_summary import MethodScores, summarise
 from grasptransfer.workshop.benchmark.seen_instances import (
     instance_names,
@@ -30,31 +41,42 @@ class RegistrationSettings:
     """What is measured.
 
     Args:
-        categories: names.
-        meshes: folder of `<category>/<name>/mesh.*`; None takes the shipped test instances.
-        views: of the 74, spread evenly.
         seed: of lights, backgrounds and pose errors.
-        translation_noise: half-width of the told pose's error on each axis [m]; 0 tells the true pose.
-        rotation_noise: largest turn of the told pose [rad].
-        refine_pose: whether `rgb`, `rgbd` and `cls` refine the pose.
-        methods: which of `estimators.OF_SHAPES`.
-        weights: file for `rgb`; None takes the shipped ones.
+        refine_pose: let rgb, rgbd and cls refine the pose.
     """
 
-    categories: tuple[str, ...]
-    meshes: Path | None = None
-    views: int = 74
+    categories: Categories = ()
+    meshes: Meshes = None
+    views: Views = 74
     seed: int = 0
-    translation_noise: float = 0.0
-    rotation_noise: float = 0.0
+    translation_noise: Translation = 0.0
+    rotation_noise: Rotation = 0.0
     refine_pose: bool = False
-    methods: tuple[str, ...] = DEFAULT
-    weights: Path | None = None
+    methods: Methods = DEFAULT
+    weights: Weights = None
+
+    def __post_init__(self):
+        name_trained(self)
+        check_counts(self)
 
     @property
     def noise(self) -> PoseNoise:
         """Of the told pose."""
         return PoseNoise(self.translation_noise, self.rotation_noise)
+
+
+@dataclass(frozen=True)
+class PoseNoiseSettings(RegistrationSettings):
+    """The same, with the paper's pose errors by default.
+
+    Args:
+        seed: of lights, backgrounds and pose errors.
+        refine_pose: let rgb, rgbd and cls refine the pose.
+    """
+
+    translation_noise: Translation = 0.05
+    refine_pose: bool = True
+    methods: Methods = METHODS
 
 
 def run_registration_benchmark(

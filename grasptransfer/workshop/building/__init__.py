@@ -14,5 +14,6 @@
 
 from grasptransfer.workshop.building.build import build_category
 from grasptransfer.workshop.building.outcome import CategoryBuild
+from grasptransfer.workshop.building.settings import BuildSettings
 
-__all__ = ["CategoryBuild", "build_category"]
+__all__ = ["BuildSettings", "CategoryBuild", "build_category"]

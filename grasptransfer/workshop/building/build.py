@@ -6,98 +6,61 @@ against, and teach nothing.
 """
 
 import hashlib
-import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from grasptransfer.category.category import Category
-from grasptransfer.category.settings import FILE_NAME, NAME, Settings, Split
-from grasptransfer.errors import CategoryError, SettingsError
+from grasptransfer.category.settings import FILE_NAME, Settings, Split
+from grasptransfer.errors import CategoryError
 from grasptransfer.files import sha256, write_whole
-from grasptransfer.registration import Metric
-from grasptransfer.workshop.building.choices import Options
-from grasptransfer.workshop.building.kept_tasks import Arrays, Progress, Workshop
+from grasptransfer.workshop.building.kept_tasks import Arrays, BuildProgress, Workshop
 from grasptransfer.workshop.building.learn import LearntCategory, learn_category
 from grasptransfer.workshop.building.outcome import CategoryBuild
+from grasptransfer.workshop.building.settings import BuildSettings
 from grasptransfer.workshop.building.sources import Source, find_sources, frame_rotation
 from grasptransfer.workshop.building.space_fit import FEWEST
 from grasptransfer.workshop.building.tasks import prepare_instance
-from grasptransfer.workshop.building.writing import write_category
+from grasptransfer.workshop.building.writing import CategoryContent, write_category
 
 WRITTEN = "written"  # among a build's kept results, once its category stands: whose it is
 
 
 def build_category(
-    name: str,
+    settings: BuildSettings,
     *,
-    meshes: str | Path,
-    canonical: str | None = None,
-    test: Sequence[str] = (),
-    out: str | Path | None = None,
-    front: str = "+x",
-    up: str = "+z",
-    scale: float = 1.0,
-    beta: float | None = None,
-    lam: float | None = None,
-    outlier_weight: float = 0.0,
-    modes: int | None = None,
-    flexibility: float | None = None,
-    metric: Metric = "GW",
-    control_points: int = 650,
-    workers: int = 2,
-    overwrite: bool = False,
-    description: str = "",
-    progress: Callable[[Progress], None] = lambda _: None,
+    progress: Callable[[BuildProgress], None] = lambda _: None,
     finish: Callable[[CategoryBuild], object] = lambda _: None,
 ) -> CategoryBuild:
     """Build a category folder from meshes and clouds; killed and started again, it resumes.
 
     Args:
-        name: of the category.
-        meshes: folder of `NAME.obj` or `NAME/mesh.obj` (glb gltf obj ply stl off pcd xyz), also below
-            `train/` and `test/`.
-        canonical: name of the instance to take; None scores every train instance and takes the best.
-        test: names of instances to keep out of the shape space.
-        out: folder to write; `NAME` in the working directory if None.
-        front, up: axes of the files that become +x and +z.
-        scale: metres in one unit of the files.
-        beta: kernel width of CPD, in units of the canonical cloud's RMS radius. lam: its smoothness. None
-            tries several and takes those whose shape space leaves least of instances it never saw.
-        outlier_weight: of CPD, in [0, 1).
-        modes: of the shape space; None takes the fewest with nearly the least error of such instances.
-        flexibility: of smooth modes beside the learnt ones, for what few instances cannot show: standard
-            deviation along each axis, in RMS radii; None tries several.
-        metric: of the principal components: "GW", "G" or "W".
-        control_points: about how many.
-        workers: processes.
-        overwrite: replace an existing folder (its grasps are kept).
+        settings: what it is built from, and how.
         progress: called at each step and for each finished instance.
         finish: called with the result, to write a page of it, say; killed while it runs, the build resumes.
 
     Raises:
         CategoryError: no meshes, too few, an unknown name, or `out` exists.
         MeshError, PointCloudError: a file that cannot be used; the error names it and the fix.
-        SettingsError: an option out of range.
+        SettingsError: axes that are none.
     """
     start = time.perf_counter()
-    _check_options(name, scale, workers)
-    out = Path(out) if out is not None else Path(name)
+    out = settings.folder
     kept = out.with_name(f".{out.name}.build")
-    options = Options(beta, lam, outlier_weight, modes, flexibility, metric, control_points)
-    sources = _sources(Path(meshes), canonical, tuple(test))
-    asked = _checksum(name, sources, canonical, front, up, scale, options, description)
-    _check_place(out, kept, asked, overwrite=overwrite)
+    sources = _sources(settings)
+    asked = _checksum(settings, sources)
+    _check_place(out, kept, asked, overwrite=settings.overwrite)
     split = {source.name: source.test for source in sources}
-    with Workshop(kept, workers=workers, progress=progress) as workshop:
-        prepared = _prepare(workshop, sources, scale, frame_rotation(front, up))
-        learnt = learn_category(workshop, prepared, split, canonical=canonical, options=options)
-        progress(Progress("write", 0, 1))
-        category = _write(out, name, learnt, prepared, split=split, options=options, description=description)
+    with Workshop(kept, workers=settings.workers, progress=progress) as workshop:
+        prepared = _prepare(workshop, sources, settings.scale, frame_rotation(settings.front, settings.up))
+        learnt = learn_category(workshop, prepared, split, settings=settings)
+        progress(BuildProgress("write", 0, 1))
+        category = _write(learnt, prepared, split, settings)
         write_whole(kept / WRITTEN, _mark(out, asked))
-        progress(Progress("write", 1, 1, name))
+        progress(BuildProgress("write", 1, 1, settings.name))
         built = CategoryBuild(
             category,
             learnt.canonical,
@@ -112,19 +75,11 @@ def build_category(
     return built
 
 
-def _check_options(name: str, scale: float, workers: int) -> None:
-    if not re.match(NAME, name):
-        raise CategoryError("must be letters, digits, _ and -", key="name", value=name)
-    if not (np.isfinite(scale) and scale > 0):
-        raise SettingsError("must be above 0", key="scale", value=scale)
-    if workers < 1:
-        raise SettingsError("must be at least 1", key="workers", value=workers)
-
-
-def _checksum(name: str, sources: list[Source], *how: object) -> str:
-    """Of all that a build is asked for."""
+def _checksum(settings: BuildSettings, sources: list[Source]) -> str:
+    """Of all that the result depends on: the meshes by their content, wherever they lie."""
     files = [(source.name, source.test, sha256(source.path)) for source in sources]
-    return hashlib.sha256(repr((name, files, how)).encode()).hexdigest()
+    how = replace(settings, meshes=Path(), out=None, test=(), workers=1, overwrite=False)
+    return hashlib.sha256(repr((files, how)).encode()).hexdigest()
 
 
 def _mark(out: Path, asked: str) -> bytes:
@@ -145,8 +100,9 @@ def _check_place(out: Path, kept: Path, asked: str, *, overwrite: bool) -> None:
         raise CategoryError("exists already", path=out, fix="Give another folder, or --overwrite")
 
 
-def _sources(meshes: Path, canonical: str | None, test: tuple[str, ...]) -> list[Source]:
-    sources = find_sources(meshes, test)
+def _sources(settings: BuildSettings) -> list[Source]:
+    meshes, canonical = Path(settings.meshes), settings.canonical
+    sources = find_sources(meshes, tuple(settings.test))
     names = [source.name for source in sources]
     train = sum(not source.test for source in sources)
     if train < FEWEST:
@@ -170,32 +126,25 @@ def _prepare(workshop: Workshop, sources: list[Source], scale: float, rotation) 
 
 
 def _write(
-    out: Path,
-    name: str,
-    learnt: LearntCategory,
-    prepared: dict[str, Arrays],
-    *,
-    split: dict[str, bool],
-    options: Options,
-    description: str,
+    learnt: LearntCategory, prepared: dict[str, Arrays], split: dict[str, bool], settings: BuildSettings
 ) -> Category:
     train = tuple(one for one in split if not split[one])
     test = tuple(one for one in split if split[one])
-    return write_category(
-        out,
-        name,
-        description=description,
+    content = CategoryContent(
+        name=settings.name,
+        description=settings.description,
         split=Split(canonical=learnt.canonical, train=train, test=test),
-        settings=_settings(learnt, options, len(train)),
+        settings=_settings(learnt, settings, len(train)),
         measured=_measured(learnt),
         canonical_glb=prepared[learnt.canonical]["glb"].tobytes(),
         instance_glbs={one: arrays["glb"].tobytes() for one, arrays in prepared.items()},
         shape_space=learnt.space,
         weights={one: learnt.weights[one] for one in (*train, *test)},
     )
+    return write_category(settings.folder, content)
 
 
-def _settings(learnt: LearntCategory, options: Options, samples: int) -> Settings:
+def _settings(learnt: LearntCategory, given: BuildSettings, samples: int) -> Settings:
     return Settings(
         beta=learnt.chosen.beta,
         lam=learnt.chosen.lam,
@@ -203,7 +152,7 @@ def _settings(learnt: LearntCategory, options: Options, samples: int) -> Setting
         flexibility=learnt.chosen.flexibility,
         metric=learnt.space.metric,
         correspondences="cpd",
-        outlier_weight=options.outlier_weight,
+        outlier_weight=given.outlier_weight,
         control_points=len(learnt.space.control_points),
         voxel=learnt.voxel,
         samples=samples,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.errors import SettingsError
 from grasptransfer.registration import Metric
 from grasptransfer.workshop.building.kept_tasks import Arrays, Workshop
 from grasptransfer.workshop.building.outcome import Candidate, Trial
+from grasptransfer.workshop.building.settings import BuildSettings
 from grasptransfer.workshop.building.space_fit import InstanceFields
 from grasptransfer.workshop.building.tasks import (
     COMPARED_POINTS,
@@ -20,61 +20,10 @@ from grasptransfer.workshop.building.tasks import (
     thinned,
 )
 
-# Narrower kernels and less smoothness leave less of the instances they register, and more of others.
-BETAS, LAMBDAS = (1.0, 2.0), (3.0, 10.0)
 MODES = (1, 2, 3, 5, 8, 12, 18, 25)
 FLEXIBILITIES = (0.02, 0.04, 0.08)
 TOLERANCE = 1.02  # of what leaves at most 2 % more than the least: least moved, fewest modes, tightest
 LEFT_OUT = 12  # instances at most, evenly picked, to judge settings by
-
-
-@dataclass(frozen=True)
-class Options:
-    """How instances are registered and the shape space is learnt.
-
-    Args:
-        beta: kernel width of CPD; None to choose it. lam: its smoothness, likewise.
-        outlier_weight: of CPD, in [0, 1).
-        modes: learnt by the shape space; None to choose their number.
-        flexibility: of the smooth modes beside them; None to choose it.
-        metric: of the principal components: "GW", "G" or "W".
-        control_points: about how many.
-    """
-
-    beta: float | None
-    lam: float | None
-    outlier_weight: float
-    modes: int | None
-    flexibility: float | None
-    metric: Metric
-    control_points: int
-
-    def __post_init__(self):
-        for key, smallest in (("modes", 1), ("control_points", 50)):
-            value = getattr(self, key)
-            if value is not None and value < smallest:
-                raise SettingsError(f"must be at least {smallest}", key=key, value=value)
-        for key in ("beta", "lam"):
-            value = getattr(self, key)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise SettingsError("must be above 0", key=key, value=value)
-        if self.flexibility is not None and not 0 <= self.flexibility <= 1:
-            raise SettingsError("must be between 0 and 1", key="flexibility", value=self.flexibility)
-
-    @property
-    def first_beta(self) -> float:
-        """What is given, or the first that is tried."""
-        return BETAS[0] if self.beta is None else self.beta
-
-    @property
-    def first_lam(self) -> float:
-        """What is given, or the first that is tried."""
-        return LAMBDAS[0] if self.lam is None else self.lam
-
-    def kernels(self) -> list[tuple[float, float]]:
-        """Every beta with every lambda that is to be tried."""
-        betas = BETAS if self.beta is None else (self.beta,)
-        return [(beta, lam) for beta in betas for lam in (LAMBDAS if self.lam is None else (self.lam,))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,20 +53,22 @@ class Chosen:
     flexibility: float
 
 
-def choose_canonical(workshop: Workshop, train: dict[str, Arrays], options: Options) -> tuple[Candidate, ...]:
+def choose_canonical(
+    workshop: Workshop, train: dict[str, Arrays], settings: BuildSettings
+) -> tuple[Candidate, ...]:
     """Every train instance registered to every other, best first.
 
     Args:
         train: instances by name, as of `tasks.prepare_instance`.
-        options: beta and lambda of the registrations.
+        settings: beta and lambda of the registrations.
     """
     small = {name: thinned(arrays["points"], COMPARED_POINTS) for name, arrays in train.items()}
     given = {
         name: {
             "candidate": small[name],
             "others": tuple(small[other] for other in train if other != name),
-            "beta": options.first_beta,
-            "lam": options.first_lam,
+            "beta": settings.first_beta,
+            "lam": settings.first_lam,
         }
         for name in train
     }
@@ -187,34 +138,36 @@ def choose_settings(
     train: dict[str, Arrays],
     registered: dict[tuple[str, float, float], Arrays],
     control: Float[np.ndarray, "n 3"],
-    options: Options,
+    settings: BuildSettings,
 ) -> tuple[Chosen, tuple[Trial, ...]]:
     """Leave instances out in turn and fit the shape space of the others to their points, as one sees them.
 
     Args:
         train: instances by name, as of `tasks.prepare_instance`.
-        registered: as of `register`, with every kernel of `options`.
+        registered: as of `register`, with every kernel of `settings`.
         control: (n, 3) control points of the canonical model [m].
-        options: what is given; the rest is chosen.
+        settings: what is given; the rest is chosen.
 
     Returns:
         chosen: the settings.
         trials: all that was measured; nothing where all settings were given.
     """
-    beta, lam, count, flexibility = options.beta, options.lam, options.modes, options.flexibility
+    beta, lam, count, flexibility = settings.beta, settings.lam, settings.modes, settings.flexibility
     if beta is not None and lam is not None and count is not None and flexibility is not None:
         return Chosen(beta, lam, count, flexibility), ()
     most = len(train) - 2  # of a space without one instance
-    tried = {n for n in (*MODES, most) if n <= most} if options.modes is None else {min(options.modes, most)}
-    first = options.flexibility or 0.0
-    judged = _Judged(workshop, train, registered, control, options.metric)
-    trials = judged(options.kernels(), [(modes, first) for modes in sorted(tried)])
+    tried = (
+        {n for n in (*MODES, most) if n <= most} if settings.modes is None else {min(settings.modes, most)}
+    )
+    first = settings.flexibility or 0.0
+    judged = _Judged(workshop, train, registered, control, settings.metric)
+    trials = judged(settings.kernels(), [(modes, first) for modes in sorted(tried)])
     best = best_trial(trials)
-    if options.flexibility is None:
-        trials += judged(options.kernels(), [(best.modes, more) for more in FLEXIBILITIES])
+    if settings.flexibility is None:
+        trials += judged(settings.kernels(), [(best.modes, more) for more in FLEXIBILITIES])
         best = best_trial([one for one in trials if one.modes == best.modes])
     # Where as many modes as can be tried are best, all instances together give one more.
-    modes = options.modes or (best.modes + 1 if best.modes == most else best.modes)
+    modes = settings.modes or (best.modes + 1 if best.modes == most else best.modes)
     return Chosen(best.beta, best.lam, modes, best.flexibility), trials
 
 

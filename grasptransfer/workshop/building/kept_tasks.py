@@ -20,7 +20,7 @@ Arrays = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Progress:
+class BuildProgress:
     """Where a build is.
 
     Args:
@@ -44,7 +44,7 @@ class Workshop:
         progress: called in this process.
     """
 
-    def __init__(self, folder: Path, *, workers: int, progress: Callable[[Progress], None]):
+    def __init__(self, folder: Path, *, workers: int, progress: Callable[[BuildProgress], None]):
         self.folder, self.progress = folder, progress
         self._workers = Workers(workers, threads=1)
         self._versions = sorted(software_versions().items())
@@ -76,7 +76,7 @@ class Workshop:
         paths = {name: self._path(step, task, name, given) for name, given in arguments.items()}
         missing = [name for name, path in paths.items() if not path.is_file()]
         done = len(arguments) - len(missing)
-        self.progress(Progress(step, done, len(arguments)))
+        self.progress(BuildProgress(step, done, len(arguments)))
         pieces = [(task, paths[name], arguments[name]) for name in missing]
         errors: dict[int, Exception] = {}
         for ended in self._workers.run(_keep, pieces):
@@ -84,7 +84,7 @@ class Workshop:
                 errors[ended.index] = ended.error
                 continue
             done += 1
-            self.progress(Progress(step, done, len(arguments), missing[ended.index]))
+            self.progress(BuildProgress(step, done, len(arguments), missing[ended.index]))
         if errors:
             raise errors[min(errors)]
         return {name: _load(path) for name, path in paths.items()}

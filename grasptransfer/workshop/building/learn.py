@@ -10,7 +10,6 @@ from grasptransfer.registration import Metric, ShapeSpace
 from grasptransfer.workshop.building.choices import (
     Canonical,
     Chosen,
-    Options,
     choose_canonical,
     choose_settings,
     fields_of,
@@ -19,6 +18,7 @@ from grasptransfer.workshop.building.choices import (
 from grasptransfer.workshop.building.kept_tasks import Arrays, Workshop
 from grasptransfer.workshop.building.orientation import agreed_turn
 from grasptransfer.workshop.building.outcome import Candidate, Registration, Trial
+from grasptransfer.workshop.building.settings import BuildSettings
 from grasptransfer.workshop.building.space_fit import Distances, InstanceFields
 from grasptransfer.workshop.building.surface_points import visible_surface, voxel_filter, voxel_for
 from grasptransfer.workshop.building.tasks import COMPARED_POINTS, learn, mesh_of, thinned
@@ -53,31 +53,30 @@ def learn_category(
     prepared: dict[str, Arrays],
     split: dict[str, bool],
     *,
-    canonical: str | None,
-    options: Options,
+    settings: BuildSettings,
 ) -> LearntCategory:
     """Choose the canonical model and the settings, register it to every instance, learn the shape space.
 
     Args:
         prepared: instances by name, as of `prepare_instance`.
         split: whether each is a test instance.
-        canonical: name of the instance to take; None takes the best scored.
-        options: what is given, and how many control points.
+        settings: what is given; the rest is chosen.
     """
     train = {one: arrays for one, arrays in prepared.items() if not split[one]}
     candidates: tuple[Candidate, ...] = ()
+    canonical = settings.canonical
     if canonical is None:
-        candidates = choose_canonical(workshop, train, options)
+        candidates = choose_canonical(workshop, train, settings)
         canonical = candidates[0].name
-    model = _canonical(canonical, prepared[canonical], options.control_points)
-    how = {"kernels": options.kernels(), "outlier_weight": options.outlier_weight}
+    model = _canonical(canonical, prepared[canonical], settings.control_points)
+    how = {"kernels": settings.kernels(), "outlier_weight": settings.outlier_weight}
     registered = register(workshop, train, model, **how)
-    chosen, trials = choose_settings(workshop, train, registered, model.control_points, options)
+    chosen, trials = choose_settings(workshop, train, registered, model.control_points, settings)
     how["kernels"] = [(chosen.beta, chosen.lam)]
     found = register(workshop, prepared, model, **how)
     fields = fields_of(train, found, model.control_points, chosen.beta, chosen.lam)
     clouds = {one: prepared[one]["points"] for one in sorted(prepared, key=split.__getitem__)}  # train first
-    learnt, space = _learn(workshop, fields, clouds, model=model, chosen=chosen, metric=options.metric)
+    learnt, space = _learn(workshop, fields, clouds, model=model, chosen=chosen, metric=settings.metric)
     registered = {one: arrays for (one, _, _), arrays in found.items()}
     return LearntCategory(
         canonical=canonical,

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,46 +32,49 @@ TILE, COLUMNS, WHITE = 150, 8, (255, 255, 255)
 _UINT16, _UINT32 = 5123, 5125  # component types of glTF
 
 
-def write_category(
-    folder: Path,
-    name: str,
-    *,
-    description: str,
-    split: Split,
-    settings: Settings,
-    measured: dict,
-    canonical_glb: bytes,
-    instance_glbs: dict[str, bytes],
-    shape_space: ShapeSpace,
-    weights: dict[str, Float[np.ndarray, "n 3"]],
-) -> Category:
-    """Write a category folder beside its place, then move it there; what else an older one held is kept.
+@dataclass(frozen=True, eq=False)
+class CategoryContent:
+    """All that a category folder holds.
 
     Args:
-        folder: to write.
         name: of the category.
         description: for people.
         split: names of the instances, train and test.
         settings: how the shape space was made.
         measured: figures of the build, by name with their unit.
-        canonical_glb, instance_glbs: glTF 2.0 binaries in the category's frame, instances by name.
+        canonical_glb: glTF 2.0 binary in the category's frame.
+        instance_glbs: likewise, by the instance's name.
         shape_space: of the train instances.
         weights: (n, 3) of each instance's field, normalised units, by name.
     """
+
+    name: str
+    description: str
+    split: Split
+    settings: Settings
+    measured: dict
+    canonical_glb: bytes
+    instance_glbs: dict[str, bytes]
+    shape_space: ShapeSpace
+    weights: dict[str, Float[np.ndarray, "n 3"]]
+
+
+def write_category(folder: Path, content: CategoryContent) -> Category:
+    """Write a category folder beside its place, then move it there; what else an older one held is kept."""
     folder = Path(folder)
     staging, replaced = folder.with_name(f".{folder.name}.part"), folder.with_name(f".{folder.name}.old")
     _clear_up(folder, staging, replaced)
     try:
-        _write_models(staging, canonical_glb, instance_glbs, split)
-        shape_space.save(staging / SHAPE_SPACE)
-        _write_fields(staging, weights)
+        _write_models(staging, content)
+        content.shape_space.save(staging / SHAPE_SPACE)
+        _write_fields(staging, content.weights)
         paths = sorted(path for path in staging.rglob("*") if path.is_file())
         CategoryFile(
-            name=name,
-            description=description,
-            split=split,
-            settings=settings,
-            measured=measured,
+            name=content.name,
+            description=content.description,
+            split=content.split,
+            settings=content.settings,
+            measured=content.measured,
             checksums={path.relative_to(staging).as_posix(): sha256(path) for path in paths},
             versions=software_versions(),
         ).save(staging)
@@ -81,12 +85,12 @@ def write_category(
     return load_category(folder)
 
 
-def _write_models(staging: Path, canonical_glb: bytes, instance_glbs: dict[str, bytes], split: Split) -> None:
+def _write_models(staging: Path, content: CategoryContent) -> None:
     """The models, and a picture of them all."""
-    write_whole(staging / CANONICAL, canonical_glb)
-    for instance, content in instance_glbs.items():
-        write_whole(staging / f"instances/{instance}.glb", content)
-    write_whole(staging / PREVIEW, _preview(staging, split))
+    write_whole(staging / CANONICAL, content.canonical_glb)
+    for instance, glb in content.instance_glbs.items():
+        write_whole(staging / f"instances/{instance}.glb", glb)
+    write_whole(staging / PREVIEW, _preview(staging, content.split))
 
 
 def _write_fields(staging: Path, weights: dict[str, Float[np.ndarray, "n 3"]]) -> None:

@@ -13,7 +13,8 @@ from grasptransfer.files import write_whole
 from grasptransfer.perception.confidence import Confidence
 from grasptransfer.perception.networks import build_network
 from grasptransfer.workshop.training.log import read_rows
-from grasptransfer.workshop.training.training import HELD_OUT_SEED, Scores, TrainingConfig, member_folder
+from grasptransfer.workshop.training.settings import TrainingConfig
+from grasptransfer.workshop.training.training import HELD_OUT_SEED, Scores, member_folder
 from grasptransfer.workshop.training.training_shapes import has_generator, without_held_out
 
 CURVE_ROWS = 12

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from torch.nn.parallel import DistributedDataParallel
 
-from grasptransfer.category import Category
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import replacing, writing
 from grasptransfer.perception.device import choose_device
@@ -27,6 +26,7 @@ from grasptransfer.workshop.training.losses import training_loss
 from grasptransfer.workshop.training.prefetch import prefetch
 from grasptransfer.workshop.training.processes import Place, join_processes
 from grasptransfer.workshop.training.schedule import ECHO_WINDOW, batch_number, decay_start, learning_rate
+from grasptransfer.workshop.training.settings import TrainingConfig
 from grasptransfer.workshop.training.training_shapes import without_held_out
 
 logger = logging.getLogger(__name__)
@@ -36,44 +36,11 @@ FULL_RATE, FALLING_RATE = "checkpoint.pt", "checkpoint_falling.pt"  # before and
 HELD_OUT_SEED = 1_000_003  # held-out shapes come from another seed than the training ones
 
 
-@dataclass(frozen=True)
-class TrainingConfig:
-    """Settings of one training run.
-
-    Args:
-        categories: trained together in one network.
-        network: see `networks.network_names`.
-        members: networks trained alike but for the seed, whose mean is the answer (`networks.ensemble`).
-        loss: see `losses.LOSSES`.
-        samples: rendered training samples.
-        held_out: rendered samples of other shapes, to watch; see `training_shapes.instances_of`.
-        steps: optimiser steps of each member.
-        batch: samples a step, over all processes.
-        echo: how often each augmented batch is used; above 1 where preparing it costs more than learning.
-        learning_rate: peak; held until the last `schedule.DECAY` of the steps.
-        weight_decay: of AdamW.
-        seed: of everything random; member i begins and draws its batches with seed + i.
-    """
-
-    categories: tuple[Category, ...]
-    network: str = "compact"
-    members: int = 2
-    loss: str = "likelihood"
-    samples: int = 20_000
-    held_out: int = 512
-    steps: int = 10_000
-    batch: int = 32
-    echo: int = 2
-    learning_rate: float = 1e-3
-    weight_decay: float = 0.02
-    seed: int = 0
-
-
 Scores = dict[str, float]  # mean errors on the held-out samples
 
 
 @dataclass(frozen=True)
-class Progress:
+class TrainingProgress:
     """What a run reports as it goes; steps are counted over all members."""
 
     step: int
@@ -82,7 +49,7 @@ class Progress:
     samples_per_second: float
 
 
-def train(
+def train_networks(
     config: TrainingConfig,
     *,
     run_folder: Path,
@@ -91,7 +58,7 @@ def train(
     precision: str = "auto",
     workers: int = 2,
     on_render: Callable[[int, int], None] | None = None,
-    on_step: Callable[[Progress], None] | None = None,
+    on_step: Callable[[TrainingProgress], None] | None = None,
 ) -> tuple[Scores, list[Scores]]:
     """Render what is missing, train (or go on where a killed run stopped) and write the weights.
 
@@ -100,7 +67,7 @@ def train(
         output: the `.safetensors` file, replaced once training is complete.
         precision: "auto", "float32" or "bfloat16".
 
-    Warns of categories of which nothing is held out.
+    Warns of categories of which nothing is held out. `train` is the whole, with confidence and model card.
 
     Returns:
         Scores of the ensemble, and of each member by itself: how far those differ is what another
@@ -185,7 +152,7 @@ class _Run:
         self._restore()
         self.parallel = DistributedDataParallel(self.network) if place.world > 1 else self.network
 
-    def finish(self, dataset: Dataset, on_step: Callable[[Progress], None] | None):
+    def finish(self, dataset: Dataset, on_step: Callable[[TrainingProgress], None] | None):
         """All steps that are left, logged and saved as they go."""
         numbers = [batch_number(step, self.config.echo) for step in range(self.step, self.config.steps)]
         batches = prefetch(lambda number: self.batch_of(number, dataset), numbers, reuse=ECHO_WINDOW)
@@ -207,7 +174,7 @@ class _Run:
                 append_row(self.folder, self.step, self.seconds, values)
                 if on_step:
                     done, total = self.member * self.config.steps, self.config.members * self.config.steps
-                    on_step(Progress(done + self.step, total, values, speed))
+                    on_step(TrainingProgress(done + self.step, total, values, speed))
             if self.step % CHECKPOINT_STEPS == 0 or self.step == self.config.steps:
                 self.save()
 

@@ -24,7 +24,7 @@ from grasptransfer.errors import CategoryError, GraspTransferError
 from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalSurface, surface_of
 from grasptransfer.workshop.building.parametric.cpd_accuracy import CpdAccuracy, cpd_accuracy
 from grasptransfer.workshop.building.parametric.space_choice import Choice, choose_space, fit_weights
-from grasptransfer.workshop.building.writing import glb_of, write_category
+from grasptransfer.workshop.building.writing import CategoryContent, glb_of, write_category
 from grasptransfer.workshop.objects import canonical, sample
 
 FIRST_TRAINING_SEED, FIRST_HELDOUT_SEED = 1_000_000, 2_000_000
@@ -116,9 +116,8 @@ def build_shipped_category(
     progress(f"{name}: accuracy of CPD")
     best = cpd_accuracy(surface)[0]
     progress(f"{name}: writing")
-    return write_category(
-        Path(out) if out else objects_folder() / name,
-        name,
+    content = CategoryContent(
+        name=name,
         description=curated.description,
         split=Split(canonical="canonical", train=tuple(train), test=tuple(test)),
         settings=_settings(choice, surface, len(learnt)),
@@ -128,6 +127,7 @@ def build_shipped_category(
         shape_space=choice.space,
         weights=dict(zip(instances, weights, strict=True)),
     )
+    return write_category(Path(out) if out else objects_folder() / name, content)
 
 
 def compact(scene: trimesh.Scene) -> trimesh.Scene:

@@ -1,4 +1,4 @@
-"""Everything that can be wrong with a category folder, explained."""
+"""Everything that can be wrong with a category folder, its grasps too, explained."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from grasptransfer.category.category import (
 from grasptransfer.category.settings import FILE_NAME
 from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import GraspFileError, GraspTransferError
+from grasptransfer.grasping import load_grasps
 from grasptransfer.meshes import LARGEST, SMALLEST
 
 CENTRE_TOLERANCE = 2e-3  # m: scans are centred by hand to about a millimetre
@@ -58,7 +59,16 @@ def check_category(name_or_folder: str | Path | Category) -> list[Fault]:
             return [_fault(folder / FILE_NAME, error)]
     faults = [*_file_faults(category)]
     faults += [*_mesh_faults(category), *_space_faults(category), *_grasp_faults(category)]
+    if category.grasps_path.is_file() and category.grasps_path not in [fault.path for fault in faults]:
+        faults += _faults_of_each_grasp(category.grasps_path)
     return list(dict.fromkeys(faults))
+
+
+def _faults_of_each_grasp(path: Path) -> Iterator[Fault]:
+    try:
+        load_grasps(path)
+    except GraspTransferError as error:
+        yield _fault(path, error)
 
 
 def _fault(path: Path, error: GraspTransferError) -> Fault:
