@@ -18,9 +18,10 @@ from grasptransfer.errors import CategoryError
 from grasptransfer.registration import DeformationField, ShapeSpace
 from grasptransfer.workshop import objects
 from grasptransfer.workshop.building.parametric.canonical_surface import surface_of
-from grasptransfer.workshop.building.parametric.library import CURATED, compact
+from grasptransfer.workshop.building.parametric.library import compact
 from grasptransfer.workshop.building.surface_points import visible_surface, voxel_filter, voxel_for
 from grasptransfer.workshop.building.writing import CategoryContent, glb_of, write_category
+from grasptransfer.workshop.objects.recipe import load_recipe
 
 GLB_ROUNDING = 1e-7  # m: GLB files hold single precision
 
@@ -252,7 +253,7 @@ def test_a_shipped_category_is_what_its_generator_makes(name):
     assert np.allclose(category.canonical.vertices, model.vertices, atol=GLB_ROUNDING)
     assert len(category.train) >= 14
     assert len(category.test) >= 4
-    seed = CURATED[name].test[0]
+    seed = load_recipe(name).test[0]
     instance = category.instance_mesh(f"{name}_{seed:04d}")
     made = objects.sample(name, seed)
     drawn = np.concatenate([part.vertices for part in made.scene().geometry.values()])
@@ -264,7 +265,7 @@ def test_a_shipped_shape_space_explains_shapes_it_never_saw(name):
     category = load_category(name)
     surface = surface_of(objects.canonical(name))
     errors, before = [], []
-    for seed in CURATED[name].test:
+    for seed in load_recipe(name).test:
         moved = surface.displacements(objects.sample(name, seed))
         latent = category.shape_space.map_estimate(surface.points, moved, 0.001).mean
         found = category.shape_space.field(latent).displacement(surface.points)

@@ -100,7 +100,7 @@ def test_a_file_in_the_place_of_a_category_is_refused_before_any_work(folder, tm
 
 @pytest.mark.parametrize(
     ("options", "choices"),
-    [({"canonical": "z"}, list("abcde")), ({"test": ["z"]}, list("abcde"))],
+    [({"canonical": "z"}, list("abcde")), ({"test": ("z",)}, list("abcde"))],
 )
 def test_an_unknown_instance_name_lists_the_known(folder, tmp_path, options, choices):
     with pytest.raises(CategoryError) as caught:

@@ -70,20 +70,12 @@ def test_cpd_comes_nearer_to_the_true_points_than_no_registration(surface):
     assert row.mean_share < row.mean / 0.05  # no mug's diagonal is below 5 cm
 
 
-def test_every_generator_has_curated_instances_that_do_not_overlap():
-    assert set(library.CURATED) == set(objects.generators())
-    for curated in library.CURATED.values():
-        assert len(curated.train) >= 14
-        assert len(curated.test) >= 4
-        assert not set(curated.train) & set(curated.test)
-
-
 def test_the_command_writes_the_named_categories_or_all(monkeypatch):
     written = []
     monkeypatch.setattr(library, "build_shipped_category", lambda name, out, progress: written.append(out))
     library.main(Path("made"), ("mug",))
     library.main(Path("made"))
-    assert written == [Path("made") / name for name in ("mug", *library.CURATED)]
+    assert written == [Path("made") / name for name in ("mug", *objects.generators())]
 
 
 def test_the_command_ends_with_code_2_and_the_known_names(tmp_path):
@@ -102,4 +94,4 @@ def test_the_command_ends_with_code_2_and_the_known_names(tmp_path):
 def test_an_unknown_shipped_category_lists_the_known():
     with pytest.raises(CategoryError) as caught:
         library.build_shipped_category("teapot")
-    assert caught.value.choices == list(library.CURATED)
+    assert caught.value.choices == list(objects.generators())

@@ -9,7 +9,6 @@ import io
 import logging
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,54 +24,12 @@ from grasptransfer.workshop.building.parametric.canonical_surface import Canonic
 from grasptransfer.workshop.building.parametric.cpd_accuracy import CpdAccuracy, cpd_accuracy
 from grasptransfer.workshop.building.parametric.space_choice import Choice, choose_space, fit_weights
 from grasptransfer.workshop.building.writing import CategoryContent, glb_of, write_category
-from grasptransfer.workshop.objects import canonical, sample
+from grasptransfer.workshop.objects import canonical, generators, sample
+from grasptransfer.workshop.objects.recipe import load_recipe
 
 FIRST_TRAINING_SEED, FIRST_HELDOUT_SEED = 1_000_000, 2_000_000
 TEXTURE_SIDE, JPEG_QUALITY = 512, 88
 SMALLEST_JPEG = 64  # px; below, PNG is smaller
-
-
-@dataclass(frozen=True)
-class Curated:
-    """Seeds of the shipped instances, picked by eye from a contact sheet.
-
-    Args:
-        description: one line for people.
-        train, test: seeds; test spans the extremes and the typical.
-    """
-
-    description: str
-    train: tuple[int, ...]
-    test: tuple[int, ...]
-
-
-CURATED = {
-    "bottle": Curated(
-        "Bottles with their caps: drinks, wine, beer, sauces, detergents, pills. +x is the label.",
-        train=(0, 2, 3, 4, 5, 8, 10, 11, 13, 15, 16, 17, 19, 21, 25, 28, 29, 34, 36, 38, 40, 44),
-        test=(12, 14, 24, 27, 30, 42),
-    ),
-    "camera": Curated(
-        "Photo cameras: compact, mirrorless, reflex, bridge and box cameras. +x is the lens.",
-        train=(0, 2, 4, 5, 7, 8, 12, 14, 16, 18, 19, 21, 22, 26, 28, 31, 35, 43),
-        test=(10, 15, 20, 33, 34, 38),
-    ),
-    "drill": Curated(
-        "Pistol drills, with battery foot, without, and with a cord. +x is the chuck.",
-        train=(0, 2, 5, 7, 8, 9, 10, 11, 12, 14, 15, 17, 18, 19, 27, 28, 33, 35),
-        test=(4, 22, 29, 34, 41, 45),
-    ),
-    "mug": Curated(
-        "Mugs with one handle: straight, tapered, bellied; espresso to soup size. +x is the handle.",
-        train=(0, 1, 2, 4, 5, 6, 8, 10, 12, 13, 15, 17, 22, 26, 29, 38, 53, 56),
-        test=(14, 20, 28, 31, 34, 37),
-    ),
-    "spray_bottle": Curated(
-        "Spray bottles with a trigger head. +x is the nozzle.",
-        train=(0, 1, 2, 3, 4, 5, 8, 9, 11, 12, 15, 17, 21, 24, 26, 30, 34, 45),
-        test=(6, 7, 29, 37, 41, 43),
-    ),
-}
 
 
 def build_shipped_category(
@@ -86,18 +43,18 @@ def build_shipped_category(
     """Write the folder of a category that has a parametric model; grasps already there are kept.
 
     Args:
-        name: one of `CURATED`.
+        name: one of `objects.generators()`.
         out: the folder to write; `objects/<name>` if None.
         samples: random shapes behind the shape space, besides the curated train instances.
         heldout: other random shapes, by which the settings are chosen.
         progress: called with one line at each step.
 
     Raises:
-        CategoryError: there is no curated list of that name.
+        CategoryError: there is no parametric model of that name.
     """
-    if name not in CURATED:
-        raise CategoryError("has no curated instances", key=name, choices=CURATED)
-    curated = CURATED[name]
+    if name not in generators():
+        raise CategoryError("has no parametric model", key=name, choices=generators())
+    curated = load_recipe(name)
     model = canonical(name)
     progress(f"{name}: points of the canonical model")
     surface = surface_of(model)
@@ -179,7 +136,7 @@ def main(folder: Positional[Path], names: Positional[tuple[str, ...]] = ()) -> N
         folder: to write each into, under its name.
         names: of the categories; all if none is given.
     """
-    for name in names or CURATED:
+    for name in names or generators():
         build_shipped_category(name, folder / name, progress=logging.info)
 
 

@@ -5,111 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-_RANGES = {
-    "body_length": (0.105, 0.145),
-    "body_height": (0.054, 0.07),
-    "slimness": (0.82, 1.08),
-    "squareness": (2.0, 3.4),
-    "rear_size": (0.74, 1.02),
-    "rear_drop": (-0.007, 0.009),
-    "rear_round": (0.008, 0.028),
-    "front_size": (0.72, 1.04),
-    "overhang": (0.038, 0.086),
-    "pitch": (-0.5, 4.0),
-    "clutch_length": (0.008, 0.03),
-    "clutch_size": (0.72, 0.95),
-    "chuck_length": (0.036, 0.066),
-    "chuck_radius": (0.016, 0.024),
-    "chuck_nose": (0.32, 0.82),
-    "switch_rise": (-0.004, 0.0028),
-    "handle_length": (0.075, 0.11),
-    "handle_depth": (0.033, 0.049),
-    "handle_width": (0.026, 0.04),
-    "rake": (-2.0, 16.0),
-    "swell": (-0.002, 0.006),
-    "throat": (-0.003, 0.022),
-    "trigger_length": (0.02, 0.038),
-    "trigger_reach": (0.007, 0.023),
-    "foot_length": (0.095, 0.128),
-    "foot_width": (0.058, 0.084),
-    "foot_forward": (0.45, 1.08),
-    "foot_flare": (0.016, 0.042),
-    "foot_curve": (0.12, 1.3),
-    "foot_slope": (-0.18, 0.25),
-    "foot_tilt": (-2.0, 2.0),
-    "battery_height": (0.03, 0.064),
-}
-_FAMILIES = {
-    "cordless": (0.36, {}),
-    "compact": (
-        0.2,
-        {
-            "body_length": (0.08, 0.115),
-            "body_height": (0.045, 0.058),
-            "overhang": (0.03, 0.058),
-            "chuck_length": (0.022, 0.046),
-            "chuck_radius": (0.0125, 0.018),
-            "clutch_length": (0.006, 0.022),
-            "handle_length": (0.055, 0.09),
-            "handle_depth": (0.029, 0.038),
-            "handle_width": (0.026, 0.033),
-            "foot_length": (0.066, 0.1),
-            "foot_width": (0.044, 0.06),
-            "foot_flare": (0.01, 0.026),
-            "battery_height": (0.012, 0.03),
-        },
-    ),
-    "hammer": (
-        0.16,
-        {
-            "body_length": (0.125, 0.165),
-            "body_height": (0.06, 0.084),
-            "rear_size": (0.92, 1.12),
-            "rear_drop": (0.0, 0.016),
-            "clutch_length": (0.014, 0.036),
-            "foot_length": (0.1, 0.14),
-            "foot_width": (0.07, 0.086),
-            "battery_height": (0.036, 0.074),
-            "squareness": (2.3, 3.8),
-        },
-    ),
-    "slim_foot": (
-        0.16,
-        {
-            "pitch": (2.0, 13.0),
-            "rear_drop": (0.002, 0.018),
-            "front_size": (0.55, 0.85),
-            "clutch_size": (0.6, 0.85),
-            "handle_length": (0.085, 0.125),
-            "handle_depth": (0.036, 0.053),
-            "foot_flare": (0.014, 0.04),
-            "foot_curve": (1.0, 2.2),
-            "battery_height": (0.006, 0.016),
-            "foot_slope": (-0.05, 0.05),
-        },
-    ),
-    "corded": (
-        0.12,
-        {
-            "body_length": (0.135, 0.18),
-            "foot_length": (0.05, 0.062),
-            "foot_width": (0.036, 0.044),
-            "foot_forward": (0.3, 0.7),
-            "foot_flare": (0.012, 0.026),
-            "foot_slope": (-0.1, 0.1),
-            "battery_height": (0.006, 0.014),
-            "cord": (0.028, 0.05),
-            "rake": (6.0, 20.0),
-            "handle_length": (0.085, 0.115),
-            "chuck_length": (0.036, 0.056),
-        },
-    ),
-}
+from grasptransfer.workshop.objects.recipe import load_recipe
 
 
 @dataclass(frozen=True)
 class DrillParameters:
-    """Sizes of a drill; the ranges that `draw` uses stand in `_RANGES` and `_FAMILIES`.
+    """Sizes of a drill; their ranges stand in recipe.yaml.
 
     Args:
         body_length, body_height: motor housing [m]. slimness: its width as a share of its height.
@@ -172,10 +73,7 @@ class DrillParameters:
     @classmethod
     def draw(cls, rng: np.random.Generator) -> "DrillParameters":
         """Sizes of a random drill: of one family, and as small or large as drills come."""
-        names, shares = list(_FAMILIES), [share for share, _ in _FAMILIES.values()]
-        family = names[rng.choice(len(names), p=shares)]
-        ranges = _RANGES | _FAMILIES[family][1]
-        drawn = {name: rng.uniform(low, high) for name, (low, high) in ranges.items()}
+        _, drawn = load_recipe("drill").draw(rng)
         if rng.random() < 0.12:
             drawn["bit"] = rng.uniform(0.008, 0.025)
         if rng.random() < 0.12:

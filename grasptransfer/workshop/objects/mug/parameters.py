@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from grasptransfer.workshop.objects.recipe import load_recipe
+
 
 @dataclass(frozen=True)
 class MugParameters:
-    """What makes one mug; metres, or shares as said. `draw` documents the ranges.
+    """What makes one mug; metres, or shares as said. recipe.yaml holds the ranges.
 
     Args:
         height: of the body.
@@ -70,9 +72,8 @@ class MugParameters:
     @staticmethod
     def draw(rng: np.random.Generator) -> "MugParameters":
         """A plausible mug; straight, tapered, bellied, espresso, soup, latte or keg."""
-        kind = str(rng.choice(list(_KINDS), p=[share for share, _ in _KINDS.values()]))
-        ranges = {**_COMMON, **_KINDS[kind][1]}
-        values: dict[str, Any] = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
+        kind, drawn = load_recipe("mug").draw(rng)
+        values: dict[str, Any] = {**drawn}
         values |= _draw_handle(rng, values["height"])
         if rng.random() < 0.55:  # half of all mugs stand flat, without a visible foot
             values |= {"foot": 0.0006, "foot_inset": 0.0}
@@ -81,58 +82,6 @@ class MugParameters:
         if rng.random() < (0.8 if kind == "keg" else 0.08):
             values |= {"bands": int(rng.integers(1, 4)), "band_size": float(rng.uniform(0.0006, 0.0022))}
         return MugParameters(**values)
-
-
-_COMMON = {
-    "height": (0.080, 0.112),
-    "radius": (0.034, 0.046),
-    "base": (0.94, 1.02),
-    "curve": (0.8, 1.3),
-    "belly": (-0.03, 0.03),
-    "belly_at": (0.35, 0.65),
-    "lip": (0.0, 0.02),
-    "bottom_round": (0.03, 0.28),
-    "foot": (0.001, 0.006),
-    "foot_inset": (0.02, 0.15),
-    "recess": (0.0008, 0.004),
-    "wall": (0.0025, 0.0065),
-    "floor": (0.004, 0.010),
-}
-# Share of all mugs, and the ranges that differ from the common ones.
-_KINDS: dict[str, tuple[float, dict[str, tuple[float, float]]]] = {
-    "straight": (0.36, {"wall": (0.0022, 0.008)}),
-    "tapered": (
-        0.20,
-        {"base": (0.6, 0.92), "curve": (0.45, 1.7), "radius": (0.038, 0.056), "bottom_round": (0.03, 0.4)},
-    ),
-    "bellied": (
-        0.12,
-        {"base": (0.7, 1.0), "belly": (0.06, 0.22), "lip": (0.0, 0.10), "radius": (0.033, 0.045)},
-    ),
-    "espresso": (
-        0.08,
-        {"height": (0.048, 0.068), "radius": (0.026, 0.036), "base": (0.6, 0.98), "curve": (0.5, 1.4)},
-    ),
-    "soup": (
-        0.09,
-        {
-            **{"height": (0.055, 0.085), "radius": (0.050, 0.068), "base": (0.5, 0.9)},
-            **{"curve": (0.4, 1.0), "lip": (0, 0.05)},
-        },
-    ),
-    "latte": (
-        0.07,
-        {
-            **{"height": (0.11, 0.14), "radius": (0.038, 0.047), "base": (0.55, 0.85)},
-            **{"curve": (0.8, 1.6), "lip": (0, 0.08)},
-        },
-    ),
-    "trumpet": (
-        0.04,
-        {"base": (0.6, 0.75), "curve": (1.6, 2.6), "radius": (0.045, 0.056), "height": (0.07, 0.09)},
-    ),
-    "keg": (0.04, {"belly": (-0.02, 0.18), "base": (0.9, 1.15), "wall": (0.004, 0.008)}),
-}
 
 
 def _draw_handle(rng: np.random.Generator, height: float) -> dict[str, float]:

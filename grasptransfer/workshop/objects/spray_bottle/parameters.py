@@ -4,90 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-_RANGES = {
-    "half_x": (0.031, 0.046),
-    "half_y": (0.026, 0.038),
-    "squareness": (2.2, 4.5),
-    "body_height": (0.15, 0.215),
-    "taper": (-0.08, 0.14),
-    "waist": (0.0, 0.1),
-    "waist_at": (0.3, 0.7),
-    "shoulder": (0.45, 0.75),
-    "shoulder_height": (0.12, 0.35),
-    "shoulder_round": (1.0, 2.6),
-    "back_lead": (0.0, 0.25),
-    "grip_size": (1.0, 1.6),
-    "grip_shift": (-0.008, 0.004),
-    "ridges": (0.0, 0.0022),
-    "base_fillet": (0.003, 0.012),
-    "neck_radius": (0.0115, 0.0145),
-    "collar_height": (0.014, 0.022),
-    "stem_height": (0.0, 0.014),
-    "head_front": (0.032, 0.056),
-    "head_rear": (0.014, 0.04),
-    "head_height": (0.024, 0.04),
-    "head_width": (0.009, 0.0135),
-    "rear_low": (-0.004, 0.02),
-    "nose_drop": (0.002, 0.014),
-    "nose_height": (0.013, 0.019),
-    "nozzle_length": (0.009, 0.02),
-    "nozzle_radius": (0.0075, 0.011),
-    "nozzle_squareness": (2.0, 6.0),
-    "lever_length": (0.042, 0.07),
-    "lever_at": (0.5, 0.85),
-    "lever_lean": (-10.0, 22.0),
-    "lever_bow": (0.002, 0.01),
-    "lever_width": (0.008, 0.014),
-    "level": (0.25, 0.8),
-}
-_FAMILIES = {
-    "oval": (0.3, {}),
-    "pistol_neck": (
-        0.28,
-        {
-            "half_x": (0.037, 0.05),
-            "shoulder": (0.35, 0.55),
-            "shoulder_height": (0.08, 0.2),
-            "shoulder_round": (1.6, 3.0),
-            "back_lead": (0.1, 0.35),
-            "grip_size": (1.1, 1.7),
-            "ridges": (0.0005, 0.003),
-            "grip_shift": (-0.012, 0.0),
-        },
-    ),
-    "round": (
-        0.27,
-        {
-            "half_x": (0.027, 0.043),
-            "squareness": (2.0, 2.0),
-            "shoulder": (0.55, 0.85),
-            "shoulder_height": (0.1, 0.3),
-            "back_lead": (0.0, 0.0),
-            "grip_size": (1.0, 1.15),
-            "grip_shift": (0.0, 0.0),
-            "ridges": (0.0, 0.0),
-            "body_height": (0.105, 0.205),
-        },
-    ),
-    "cone": (
-        0.15,
-        {
-            "half_x": (0.036, 0.052),
-            "squareness": (2.0, 3.2),
-            "taper": (0.05, 0.25),
-            "shoulder": (0.2, 0.45),
-            "shoulder_height": (0.4, 0.6),
-            "shoulder_round": (1.0, 1.3),
-            "ridges": (0.0, 0.001),
-            "grip_size": (1.0, 1.3),
-        },
-    ),
-}
+from grasptransfer.workshop.objects.recipe import load_recipe
 
 
 @dataclass(frozen=True)
 class SprayBottleParameters:
-    """Sizes of a spray bottle; the ranges that `draw` uses stand in `_RANGES` and `_FAMILIES`.
+    """Sizes of a spray bottle; their ranges stand in recipe.yaml.
 
     Args:
         half_x, half_y: half the belly's extents [m]. squareness: of its outline, 2 round to 5 square.
@@ -146,10 +68,7 @@ class SprayBottleParameters:
     @classmethod
     def draw(cls, rng: np.random.Generator) -> "SprayBottleParameters":
         """Sizes of a random spray bottle."""
-        names, shares = list(_FAMILIES), [share for share, _ in _FAMILIES.values()]
-        family = names[rng.choice(len(names), p=shares)]
-        ranges = _RANGES | _FAMILIES[family][1]
-        drawn = {name: float(rng.uniform(low, high)) for name, (low, high) in ranges.items()}
+        family, drawn = load_recipe("spray_bottle").draw(rng)
         # Nobody makes them much wider than long; round ones are round.
         drawn["half_y"] = drawn["half_x"] if family == "round" else min(drawn["half_y"], drawn["half_x"])
         size = float(np.exp(rng.normal(0, 0.06)))
