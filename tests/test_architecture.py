@@ -112,3 +112,71 @@ def test_an_estimator_runs_without_what_trains_its_network():
 def test_no_module_is_named_after_nothing():
     names = {path.stem for path in MODULES}
     assert not names & {"utils", "util", "common", "helpers", "misc"}
+
+
+TREES = {path: ast.parse(path.read_text()) for path in MODULES}
+# What is longer or wider than the rules below allow. The lists may only grow shorter: what obeys is struck out.
+LONG_FILES = {"simulation/trial.py", "transfer.py"}
+# Calls that other people's code relies on, and the two that every step of CPD calls with its arrays.
+MANY_PARAMETERS = {
+    "registration/cpd.py:cpd",
+    "registration/expectation_compiled.py:_expect_group",
+    "registration/expectation_compiled.py:expect",
+    "registration/expectation_numpy.py:expect",
+    "registration/latent_fit.py:latent_fit",
+    "registration/shape_space.py:fit",
+    "simulation/execution.py:simulate",
+    "transfer.py:transfer",
+    "transfer.py:transfer_grasps",
+}
+LONG_FUNCTIONS = set()
+SAME_NAMES = set()
+
+
+def _functions():
+    for path, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                yield f"{path.relative_to(PACKAGE).as_posix()}:{node.name}", node
+
+
+def _code_lines(node: ast.FunctionDef) -> int:
+    """Lines from `def` to the end, without the docstring."""
+    first = node.body[0]
+    text = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
+    docstring = (first.end_lineno or 0) - first.lineno + 1 if text else 0
+    return (node.end_lineno or 0) - node.lineno + 1 - docstring
+
+
+def _parameters(node: ast.FunctionDef) -> int:
+    given = node.args
+    names = [one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+    return len([name for name in names if name not in ("self", "cls")])
+
+
+def test_no_file_is_longer_than_300_lines():
+    long = {path.relative_to(PACKAGE).as_posix() for path in MODULES if path.read_text().count("\n") > 300}
+    assert long == LONG_FILES
+
+
+def test_no_function_takes_more_than_eight_parameters():
+    assert {name for name, node in _functions() if _parameters(node) > 8} == MANY_PARAMETERS
+
+
+def test_no_function_has_more_than_40_lines_of_code():
+    assert {name for name, node in _functions() if _code_lines(node) > 40} == LONG_FUNCTIONS
+
+
+def test_public_class_names_are_unique():
+    names = [
+        node.name
+        for tree in TREES.values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    ]
+    assert {name for name in names if names.count(name) > 1} == SAME_NAMES
+
+
+def test_every_room_says_what_it_is_for():
+    silent = [path for path in MODULES if path.name == "__init__.py" and not ast.get_docstring(TREES[path])]
+    assert silent == []

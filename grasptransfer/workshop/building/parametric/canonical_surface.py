@@ -13,7 +13,7 @@ CONTROL_POINTS, SURFACE_POINTS = 650, 3000
 
 
 @dataclass(frozen=True)
-class CanonicalSurface:
+class CanonicalPoints:
     """Points of a canonical model that can be found again on every sample.
 
     Args:
@@ -40,11 +40,11 @@ class CanonicalSurface:
         return self.on(shape) - self.points
 
 
-def surface_of(model: Shape) -> CanonicalSurface:
+def surface_of(model: Shape) -> CanonicalPoints:
     """Points and control points of a canonical shape: ray casting, then voxel filters."""
     points, faces = visible_surface(model.mesh())
     points = points[model.corresponds[model.faces[faces]].all(1)]
     dense = points[voxel_filter(points, voxel_for(points, SURFACE_POINTS))]
     voxel = voxel_for(points, CONTROL_POINTS)
     face, barycentric, _ = locator(model).locate(dense)
-    return CanonicalSurface(model, dense, points[voxel_filter(points, voxel)], voxel, face, barycentric)
+    return CanonicalPoints(model, dense, points[voxel_filter(points, voxel)], voxel, face, barycentric)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from grasptransfer.registration import PreparedSource, cpd
-from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalSurface
+from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalPoints
 from grasptransfer.workshop.building.surface_points import visible_surface
 from grasptransfer.workshop.building.tasks import TARGET_POINTS, thinned
 from grasptransfer.workshop.objects import sample
@@ -39,7 +39,7 @@ class CpdAccuracy:
 
 
 def cpd_accuracy(
-    surface: CanonicalSurface,
+    surface: CanonicalPoints,
     *,
     betas: Sequence[float] = BETAS,
     lambdas: Sequence[float] = LAMBDAS,

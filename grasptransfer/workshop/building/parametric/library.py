@@ -20,7 +20,7 @@ from tyro.conf import Positional
 from grasptransfer.category.category import Category, objects_folder
 from grasptransfer.category.settings import Settings, Split
 from grasptransfer.errors import CategoryError, GraspTransferError
-from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalSurface, surface_of
+from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalPoints, surface_of
 from grasptransfer.workshop.building.parametric.cpd_accuracy import CpdAccuracy, cpd_accuracy
 from grasptransfer.workshop.building.parametric.space_choice import Choice, choose_space, fit_weights
 from grasptransfer.workshop.building.writing import CategoryContent, glb_of, write_category
@@ -116,7 +116,7 @@ def _of_cpd(best: CpdAccuracy) -> dict[str, float]:
     }
 
 
-def _settings(choice: Choice, surface: CanonicalSurface, samples: int) -> Settings:
+def _settings(choice: Choice, surface: CanonicalPoints, samples: int) -> Settings:
     return Settings(
         beta=choice.space.beta,
         lam=choice.regularisation,

@@ -30,7 +30,7 @@ _RIDGE = 1e-10  # of weights that no displacement shows
 
 
 @dataclass(frozen=True)
-class Candidate:
+class SpaceCandidate:
     """One kernel and smoothness, measured on held-out shapes.
 
     Args:
@@ -63,7 +63,7 @@ class Choice:
     undeformed_rms: float
     field_rms: float
     explained: float
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[SpaceCandidate, ...]
 
     @property
     def summary(self) -> str:
@@ -121,7 +121,7 @@ def choose_space(
     )
 
 
-def _search(points, empty: DeformationField, learnt, unseen) -> tuple[Candidate, ...]:
+def _search(points, empty: DeformationField, learnt, unseen) -> tuple[SpaceCandidate, ...]:
     """Every kernel and smoothness, the least held-out error first."""
     step = max(1, len(points) // SEARCH_POINTS)
     few, learnt, unseen = points[::step], learnt[:SEARCH_SHAPES, ::step], unseen[:, ::step]
@@ -133,7 +133,7 @@ def _search(points, empty: DeformationField, learnt, unseen) -> tuple[Candidate,
             space = _space(few, empty, beta, regularisation / step, learnt, MOST_MODES)
             latents, rms = _encode(space, few, unseen)
             folded = _folded(space, latents[:FOLD_SHAPES], near)
-            found.append(Candidate(beta, regularisation, rms, folded))
+            found.append(SpaceCandidate(beta, regularisation, rms, folded))
     return tuple(sorted(found, key=lambda one: one.heldout_rms))
 
 
