@@ -13,8 +13,8 @@ from vases import cloud
 from grasptransfer.registration import DeformationField
 from grasptransfer.workshop.building import build_category
 from grasptransfer.workshop.building.choices import FLEXIBILITIES, best_trial, ranked
-from grasptransfer.workshop.building.settings import BETAS, LAMBDAS
 from grasptransfer.workshop.building.outcome import Candidate, CategoryBuild, Trial
+from grasptransfer.workshop.building.settings import BETAS, LAMBDAS
 from grasptransfer.workshop.building.space_fit import (
     SMOOTH,
     InstanceFields,
