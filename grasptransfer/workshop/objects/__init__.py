@@ -1,6 +1,7 @@
 """Our own parametric, textured object models, with exact correspondences between samples.
 
-Every category is a folder: `parameters` (a frozen dataclass; `draw(rng)` says the ranges), `parts` (their
+Every category is a folder: `recipe.yaml` (ranges, families,
+seeds of the shipped shapes), `parameters` (a frozen dataclass that draws from it), `parts` (their
 surfaces), `finish` (colours and materials); its `build(parameters, rng)` and `canonical()` make a `Shape`.
 All shapes of a category share one topology.
 """
