@@ -21,13 +21,14 @@ from grasptransfer.simulation import load_protocol, simulate
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.estimators import DEFAULT, OF_GRASPS, EstimatorSet
+from grasptransfer.workshop.benchmark.given_poses import GivenPoses
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.options import (
     Categories,
     Meshes,
     Methods,
-    Rotation,
-    Translation,
+    Said,
+    Told,
     Views,
     name_trained,
 )
@@ -40,7 +41,6 @@ from grasptransfer.workshop.benchmark.seen_instances import (
     spread_views,
     viewpoints_of,
 )
-from grasptransfer.workshop.training.scenes import NO_NOISE, PoseNoise
 
 FIRST_SEED = 79_000_000  # of random shapes: far from those that networks, spaces and ranking were fitted to
 
@@ -62,13 +62,14 @@ class GraspSettings:
     gripper: GripperName = "panda"
     protocol: Protocol = "lift-shake-v1"
     seed: int = 0
-    translation_noise: Translation = 0.0
-    rotation_noise: Rotation = 0.0
+    told: Told = "estimator"
+    pose_sigma: Said = ()
     estimators: Methods = DEFAULT
 
     def __post_init__(self):
         name_trained(self)
         check_counts(self)
+        GivenPoses.of(self.told, self.pose_sigma)
 
 
 def run_grasp_benchmark(
@@ -115,10 +116,10 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
     """`rows`, one for each estimator."""
     instance = load_instance(category, name, settings.meshes)
     gripper = load_gripper(settings.gripper)
-    noise = PoseNoise(settings.translation_noise, settings.rotation_noise)
+    given = GivenPoses.of(settings.told, settings.pose_sigma)
     outcomes: dict[str, list[Outcome]] = defaultdict(list)
     with Renderer() as renderer:
-        kit = EstimatorSet(refine_pose=noise != NO_NOISE, registry=OF_GRASPS)
+        kit = EstimatorSet(refine_pose=True, registry=OF_GRASPS)
         estimators = kit.of(instance, settings.estimators)
         flows = {
             key: GraspTransfer(instance.category, gripper=gripper, estimator=estimator)
@@ -126,7 +127,7 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
         }
         for viewpoint in viewpoints_of(name, settings.views):
             observation, pose = observe_instance(
-                instance, viewpoint, renderer=renderer, noise=noise, seed=settings.seed
+                instance, viewpoint, renderer=renderer, noise=given, seed=settings.seed
             )
             for key, flow in flows.items():
                 seen = replace(observation, camera_from_object=pose) if OF_GRASPS[key].bound else observation

@@ -25,6 +25,11 @@ Translation = Annotated[
     float, arg(name="translation", help="half-width of the given pose's uniform error on each axis [m].")
 ]
 # Radians in the settings, degrees in the command.
+Told = Annotated[str, arg(help="poses that are given: exact, estimator or wide; photos: also a set on file.")]
+Said = Annotated[
+    tuple[str, ...],
+    arg(help="how sure they are said to be: unsaid, 0, or metres and degrees; default: exact ones are."),
+]
 Rotation = Annotated[
     float,
     PrimitiveConstructorSpec(

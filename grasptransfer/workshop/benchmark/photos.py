@@ -1,23 +1,20 @@
 """`bench photos`: real photographs with known poses; compares shapes where a mesh is known, else sizes."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import trimesh
-import yaml
 from PIL import Image
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError, ImageError, SettingsError
 from grasptransfer.meshes import load_mesh
-from grasptransfer.options import RefinePose
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.perception.observation import Observation, observe
@@ -30,36 +27,20 @@ from grasptransfer.workshop.benchmark.errors_of_shape import (
     TrueSurface,
     outer_surface,
 )
+from grasptransfer.workshop.benchmark.given_poses import REGIMES, GivenPoses
 from grasptransfer.workshop.benchmark.grasp import Outcome, execute
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
-from grasptransfer.workshop.benchmark.options import Categories, Weights, name_trained
+from grasptransfer.workshop.benchmark.options import Categories, Said, Told, Weights, name_trained
+from grasptransfer.workshop.benchmark.photo_files import (
+    Photo,
+    given_pose,
+    given_poses_of,
+    poses_on_file,
+    read_photos,
+)
 from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
 
-
-class _Intrinsics(BaseModel):
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    width: int
-    height: int
-
-
-class Photo(BaseModel):
-    """One entry of `photos.yaml`; paths are relative to its folder, other keys are kept out of the way."""
-
-    model_config = ConfigDict(extra="ignore")
-    image: str
-    category: str
-    camera: _Intrinsics
-    camera_from_object: list[list[float]]
-    object: str | None = None
-    mesh: str | None = None
-    size_m: tuple[float, float, float] | None = None
-    box: tuple[float, float, float, float] | None = None
-    pose_kind: Literal["ground_truth", "pseudo"] | None = None
-    depth: str | None = None
-    mask: str | None = None
+SHARE = 12  # photographs of one object that a worker takes at a time
 
 
 @dataclass(frozen=True)
@@ -75,7 +56,8 @@ class PhotoSettings:
 
     photos: Path
     categories: Categories = ()
-    refine_pose: RefinePose = True
+    told: Told = "estimator"
+    pose_sigma: Said = ()
     told_box: bool = True
     depth: bool = False
     grasps: bool = False
@@ -83,6 +65,12 @@ class PhotoSettings:
 
     def __post_init__(self):
         name_trained(self)
+        _ = self.given
+
+    @property
+    def given(self) -> GivenPoses:
+        """The poses, and what is said of them; `told` may name a set of the folder's told_poses.yaml."""
+        return GivenPoses.of(self.told, self.pose_sigma, names=poses_on_file(self.photos))
 
 
 def run_photo_benchmark(
@@ -95,51 +83,58 @@ def run_photo_benchmark(
     """Errors of every method on every photograph, as the contract's JSON document.
 
     Args:
-        workers: processes; each takes one object's photographs at a time.
+        workers: processes; each takes some photographs of one object at a time.
         ledger: file that an interrupted run resumes from.
 
     Raises:
         SettingsError: `photos.yaml` is wrong, or holds no photograph of the categories.
     """
-    photos = [photo for photo in read_photos(settings.photos) if photo.category in settings.categories]
+    photos = _photos_of(settings)
     if not photos:
         raise SettingsError(
             "holds no photograph of these categories", path=settings.photos, value=settings.categories
         )
-    found = list(dict.fromkeys((photo.category, _object_of(photo)) for photo in photos))
     groups = measure_instances(
-        measure_object, settings, found, workers=workers, ledger=ledger, progress=progress
+        measure_share, settings, _shares(photos), workers=workers, ledger=ledger, progress=progress
     )
     rows = [row for group in groups for row in group["rows"]]
     return document("photos", settings=asdict(settings), rows=rows, summary=summarise_photos(rows))
 
 
-def read_photos(folder: Path) -> list[Photo]:
-    """The entries of `folder/photos.yaml`.
-
-    Raises:
-        SettingsError: missing, not YAML, or an entry with a wrong key; names entry and key.
-    """
-    path = folder / "photos.yaml"
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-        return TypeAdapter(list[Photo]).validate_python(data)
-    except OSError as error:
-        raise SettingsError("cannot be read", path=path, fix=error.strerror) from error
-    except yaml.YAMLError as error:
-        raise SettingsError(f"is not valid YAML: {error}", path=path) from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise SettingsError(first["msg"], path=path, key=f"entry {key}") from error
+def _photos_of(settings: PhotoSettings) -> list[Photo]:
+    """Those of the categories; a set on file need not have a pose of every photograph."""
+    photos = [photo for photo in read_photos(settings.photos) if photo.category in settings.categories]
+    told = settings.given.told
+    if told in REGIMES:
+        return photos
+    named = {image for image, sets in given_poses_of(settings.photos).items() if told in sets}
+    return [photo for photo in photos if photo.image in named]
 
 
-def measure_object(settings: PhotoSettings, category: str, name: str) -> dict:
-    """All photographs of one object."""
+def _shares(photos: list[Photo]) -> list[tuple[str, str]]:
+    """Category and name of each share: an object, and the first of its photographs that belong to it."""
+    counts = Counter((photo.category, _object_of(photo)) for photo in photos)
+    starts = {found: range(0, count, SHARE) for found, count in counts.items()}
+    return [(category, f"{name}#{start}") for (category, name), all_ in starts.items() for start in all_]
+
+
+def measure_share(settings: PhotoSettings, category: str, name: str) -> dict:
+    """Some of the photographs of one object: those from the number after `#` on."""
+    known, _, first = name.rpartition("#")
+    return measure_object(settings, category, known, slice(int(first), int(first) + SHARE))
+
+
+def measure_object(
+    settings: PhotoSettings,
+    category: str,
+    name: str,
+    share: slice = slice(None),
+) -> dict:
+    """All photographs of one object, or a share of them."""
     loaded = load_category(category)
-    photos = [p for p in read_photos(settings.photos) if (p.category, _object_of(p)) == (category, name)]
+    photos = [p for p in _photos_of(settings) if (p.category, _object_of(p)) == (category, name)][share]
     with Renderer() as renderer:
-        made_with = EstimatorSettings(settings.refine_pose, weights=settings.weights)
+        made_with = EstimatorSettings(weights=settings.weights)
         names = [name for name, spec in ESTIMATORS.items() if settings.depth or not spec.needs_depth]
         kit = {name: make_estimator(name, loaded, made_with) for name in names}
         return {"rows": [_measure(p, loaded, kit, renderer=renderer, settings=settings) for p in photos]}
@@ -157,17 +152,18 @@ def _measure(
     renderer: Renderer,
     settings: PhotoSettings,
 ) -> dict:
-    told = _observation(photo, settings.photos, with_depth=settings.depth)
+    given = _observation(photo, settings)
+    true_pose = np.array(photo.camera_from_object)
     row = {
         "image": photo.image,
         "object": _object_of(photo),
         "category": photo.category,
         "pose_kind": photo.pose_kind,
     }
-    truth = _Truth.of(photo, settings.photos, told, renderer)
+    truth = _Truth.of(photo, settings.photos, given, renderer)
     executes = settings.grasps and truth.mesh is not None
     flow = GraspTransfer(category, estimator=kit["rgb"]) if executes else None  # its estimator is not asked
-    for name, observation in _seen_by(kit, told, told_box=settings.told_box).items():
+    for name, observation in _seen_by(kit, given, told_box=settings.told_box).items():
         try:
             estimate = kit[name](observation)
         except GraspTransferError as error:
@@ -178,7 +174,7 @@ def _measure(
         row[name] = _scores(estimate, category, photo, truth, renderer=renderer)
         if flow is not None and truth.mesh is not None:
             result = flow.grasp(observation, estimate)
-            row[name] |= _executed(execute(result, told.camera_from_object, truth.mesh))
+            row[name] |= _executed(execute(result, true_pose, truth.mesh))
         if name == "rgb":
             row["category_score"] = estimate.category_score
             row["status"] = estimate.status.value
@@ -210,15 +206,20 @@ def _executed(outcome: Outcome) -> dict:
     }
 
 
-def _observation(photo: Photo, folder: Path, *, with_depth: bool) -> Observation:
-    """The photograph with its told pose; the true mask is for the methods that use depth alone."""
-    camera = Camera(**photo.camera.model_dump())
-    pose = np.array(photo.camera_from_object)
-    told = observe(folder / photo.image, pose, camera=camera, mask=photo.box)
-    if not with_depth or photo.depth is None:
-        return told
+def _observation(photo: Photo, settings: PhotoSettings) -> Observation:
+    """The photograph with its given pose; the true mask is for the methods that use depth alone."""
+    folder = settings.photos
+    pose = given_pose(photo, folder, settings.given)
+    about = {
+        "camera": Camera(**photo.camera.model_dump()),
+        "box": photo.box,
+        "pose_sigma": settings.given.pose_sigma,
+    }
+    seen = observe(folder / photo.image, pose, **about)
+    if not settings.depth or photo.depth is None:
+        return seen
     millimetres = np.asarray(_open(folder / photo.depth), float)
-    measured = observe(told.image, pose, camera=camera, mask=photo.box, depth=millimetres / 1000)
+    measured = observe(seen.image, pose, depth=millimetres / 1000, **about)
     mask = None if photo.mask is None else np.asarray(_open(folder / photo.mask).convert("L")) > 127
     return replace(measured, mask=mask)
 
@@ -241,15 +242,15 @@ class _Truth:
     visible: np.ndarray | None
 
     @classmethod
-    def of(cls, photo: Photo, folder: Path, told: Observation, renderer: Renderer) -> "_Truth":
+    def of(cls, photo: Photo, folder: Path, seen: Observation, renderer: Renderer) -> "_Truth":
         mesh, surface, silhouette = None, None, None
         if photo.mesh is not None:
             mesh, surface = _known_mesh(folder / photo.mesh)
-            silhouette = renderer.depth(mesh, told.camera, told.camera_from_object) > 0
+            silhouette = renderer.depth(mesh, seen.camera, np.array(photo.camera_from_object)) > 0
         visible = silhouette
         if photo.mask is not None:
             visible = np.asarray(_open(folder / photo.mask).convert("L")) > 127
-        return cls(mesh, surface, told.camera, silhouette, visible)
+        return cls(mesh, surface, seen.camera, silhouette, visible)
 
 
 def _overlap(mask: np.ndarray | None, true: np.ndarray | None) -> float | None:

@@ -18,6 +18,7 @@ from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.registration import DeformationField, cpd
 from grasptransfer.workshop import objects
+from grasptransfer.workshop.benchmark.given_poses import GivenPoses
 from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalSurface, surface_of
 from grasptransfer.workshop.building.parametric.space_choice import fit_weights
 from grasptransfer.workshop.training.backgrounds import draw_backdrop
@@ -147,7 +148,7 @@ class Sight:
     """An instance as a camera sees it.
 
     Args:
-        observation: picture, exact depth and mask, and the told pose.
+        observation: picture, exact depth and mask, and the given pose.
         pose: the true `camera_from_object`.
         coverage: (h, w) how opaque the object is, in [0, 1].
     """
@@ -162,7 +163,7 @@ def observe_instance(
     viewpoint: int,
     *,
     renderer: Renderer,
-    noise: PoseNoise | None = None,
+    noise: PoseNoise | GivenPoses | None = None,
     seed: int = 0,
 ) -> tuple[Observation, Float[np.ndarray, "4 4"]]:
     """Picture, depth and mask of an instance, and the true pose; arguments as of `see_instance`."""
@@ -175,14 +176,14 @@ def see_instance(
     viewpoint: int,
     *,
     renderer: Renderer,
-    noise: PoseNoise | None = None,
+    noise: PoseNoise | GivenPoses | None = None,
     seed: int = 0,
 ) -> Sight:
     """What a camera sees of an instance from one of the paper's 74 viewpoints.
 
     Args:
         viewpoint: its index, from 0.
-        noise: error of the told pose.
+        noise: error of the given pose; `GivenPoses` also say how sure it is.
         seed: of light, background and pose error, which differ between viewpoints.
     """
     radius = float(np.linalg.norm(np.asarray(instance.solid.bounds), axis=1).max())
@@ -191,8 +192,13 @@ def see_instance(
     rng = np.random.default_rng([seed, viewpoint])
     picture = renderer.render(instance.mesh, CAMERA, pose, lighting=draw_lighting(rng))
     background = draw_backdrop(rng, CAMERA.width, CAMERA.height)
-    told = noise.apply(pose, rng) if noise else pose
+    given = noise.apply(pose, rng) if noise else pose
     observation = observe(
-        picture.over(background), told, camera=CAMERA, mask=picture.mask, depth=picture.depth
+        picture.over(background),
+        given,
+        camera=CAMERA,
+        mask=picture.mask,
+        depth=picture.depth,
+        pose_sigma=noise.pose_sigma if isinstance(noise, GivenPoses) else None,
     )
     return Sight(observation, pose, picture.alpha)

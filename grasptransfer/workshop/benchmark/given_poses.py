@@ -1,0 +1,87 @@
+"""Which poses a benchmark gives its methods, and how sure it says that they are.
+
+| `--told` | pose | said of it |
+| --- | --- | --- |
+| exact | the true one | that it is exact |
+| estimator | with errors as real estimators make them (`perception/pose_prior.py`) | nothing |
+| wide | wrong by up to 5 cm on each axis and 10 degrees | nothing |
+
+`--pose-sigma` says something else of the same poses: `unsaid`, or numbers as the command `transfer` takes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from grasptransfer.errors import SettingsError
+from grasptransfer.frames import moved
+from grasptransfer.perception.pose_prior import FREEDOM, PosePrior
+from grasptransfer.poses import PoseSigma, covariance_of
+from grasptransfer.workshop.training.scenes import WIDE_NOISE
+
+EXACT, ESTIMATOR, WIDE = "exact", "estimator", "wide"
+REGIMES = (EXACT, ESTIMATOR, WIDE)
+UNSAID = "unsaid"
+
+
+@dataclass(frozen=True)
+class GivenPoses:
+    """Draws given poses around true ones.
+
+    Args:
+        told: one of `REGIMES`.
+        pose_sigma: what is said of them, as of `transfer_grasps`.
+    """
+
+    told: str = ESTIMATOR
+    pose_sigma: PoseSigma | None = None
+
+    @classmethod
+    def of(cls, told: str, said: tuple[str, ...] = (), *, names: tuple[str, ...] = ()) -> "GivenPoses":
+        """From the command line.
+
+        Args:
+            told: one of `REGIMES` or of `names`.
+            said: nothing, what the regime says; `UNSAID`; or one number or two.
+            names: of sets of poses on file.
+
+        Raises:
+            SettingsError: an unknown regime.
+            PoseError: what is said is no uncertainty.
+        """
+        if told not in (*REGIMES, *names):
+            raise SettingsError("unknown poses", key="told", value=told, choices=(*REGIMES, *names))
+        if not said:
+            return cls(told, 0 if told == EXACT else None)
+        if said == (UNSAID,):
+            return cls(told, None)
+        try:
+            numbers = tuple(float(one) for one in said)
+        except ValueError as error:
+            choices = (UNSAID, "0", "metres degrees")
+            raise SettingsError("is no uncertainty", key="pose_sigma", value=said, choices=choices) from error
+        sigma = numbers[0] if len(numbers) == 1 else numbers
+        covariance_of(sigma)
+        return cls(told, sigma)  # pyright: ignore[reportArgumentType]
+
+    def apply(
+        self, camera_from_object: Float[np.ndarray, "4 4"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "4 4"]:
+        """The pose that is given in place of the true one."""
+        if self.told == ESTIMATOR:
+            return as_estimated(camera_from_object, rng)
+        return WIDE_NOISE.apply(camera_from_object, rng) if self.told == WIDE else camera_from_object
+
+
+ESTIMATED = GivenPoses()
+
+
+def as_estimated(
+    camera_from_object: Float[np.ndarray, "4 4"], rng: np.random.Generator
+) -> Float[np.ndarray, "4 4"]:
+    """A pose as an RGB estimator gives it: an error drawn from the prior's Student t distribution."""
+    prior = PosePrior.of(camera_from_object, None)
+    assert prior is not None
+    normal = rng.multivariate_normal(np.zeros(6), prior.covariance, method="eigh")
+    return moved(camera_from_object, normal / np.sqrt(rng.chisquare(FREEDOM) / FREEDOM))

@@ -1,0 +1,91 @@
+"""A folder of photographs: `photos.yaml`, and the sets of given poses beside it."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import yaml
+from jaxtyping import Float
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+
+from grasptransfer.data_files import read_data
+from grasptransfer.errors import SettingsError
+from grasptransfer.workshop.benchmark.given_poses import REGIMES, GivenPoses
+
+TOLD_POSES = "told_poses.yaml"  # image -> set -> camera_from_object, of `--told NAME`
+
+
+class _Intrinsics(BaseModel):
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+
+class Photo(BaseModel):
+    """One entry of `photos.yaml`; paths are relative to its folder, other keys are kept out of the way."""
+
+    model_config = ConfigDict(extra="ignore")
+    image: str
+    category: str
+    camera: _Intrinsics
+    camera_from_object: list[list[float]]
+    object: str | None = None
+    mesh: str | None = None
+    size_m: tuple[float, float, float] | None = None
+    box: tuple[float, float, float, float] | None = None
+    pose_kind: Literal["ground_truth", "pseudo"] | None = None
+    depth: str | None = None
+    mask: str | None = None
+
+
+def read_photos(folder: Path) -> list[Photo]:
+    """The entries of `folder/photos.yaml`.
+
+    Raises:
+        SettingsError: missing, not YAML, or an entry with a wrong key; names entry and key.
+    """
+    path = folder / "photos.yaml"
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return TypeAdapter(list[Photo]).validate_python(data)
+    except OSError as error:
+        raise SettingsError("cannot be read", path=path, fix=error.strerror) from error
+    except yaml.YAMLError as error:
+        raise SettingsError(f"is not valid YAML: {error}", path=path) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise SettingsError(first["msg"], path=path, key=f"entry {key}") from error
+
+
+def given_pose(photo: Photo, folder: Path, given: GivenPoses) -> Float[np.ndarray, "4 4"]:
+    """The pose that is given of a photograph: drawn, or of a set on file.
+
+    Raises:
+        SettingsError: the set has none of this photograph.
+    """
+    true_pose = np.array(photo.camera_from_object)
+    if given.told in REGIMES:
+        return given.apply(true_pose, np.random.default_rng(list(photo.image.encode())))
+    found = given_poses_of(folder).get(photo.image, {}).get(given.told)
+    if found is None:
+        raise SettingsError(
+            "has no pose of this set", path=folder / TOLD_POSES, key=photo.image, value=given.told
+        )
+    return np.array(found["camera_from_object"], float)
+
+
+def poses_on_file(folder: Path) -> tuple[str, ...]:
+    """Names of the sets of given poses in the folder's told_poses.yaml; none without one."""
+    return tuple(sorted({name for sets in given_poses_of(folder).values() for name in sets}))
+
+
+@lru_cache(maxsize=2)
+def given_poses_of(folder: Path) -> dict[str, dict[str, dict]]:
+    """Of told_poses.yaml: image -> set -> what it says; empty without one."""
+    path = folder / TOLD_POSES
+    return read_data(path, error=SettingsError) if path.is_file() else {}
