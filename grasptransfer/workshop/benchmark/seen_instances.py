@@ -19,7 +19,7 @@ from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.registration import DeformationField, cpd
 from grasptransfer.workshop import objects
 from grasptransfer.workshop.benchmark.given_poses import GivenPoses
-from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalSurface, surface_of
+from grasptransfer.workshop.building.parametric.canonical_surface import CanonicalPoints, surface_of
 from grasptransfer.workshop.building.parametric.space_choice import fit_weights
 from grasptransfer.workshop.training.backgrounds import draw_backdrop
 from grasptransfer.workshop.training.scenes import PoseNoise, draw_lighting
@@ -118,7 +118,7 @@ def _random(category: Category, name: str) -> Instance:
 
 
 @lru_cache(maxsize=8)
-def _surface(category: str) -> CanonicalSurface:
+def _surface(category: str) -> CanonicalPoints:
     return surface_of(objects.canonical(category))
 
 
