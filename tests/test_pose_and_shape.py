@@ -90,3 +90,10 @@ def test_the_distance_may_move_as_far_as_the_place_across_the_ray_was_wrong(alon
         fit = _fit(_motion(points, model, pose, latent, scale=3.0), points, model, given_pose)
         left.append(abs(fit.camera_from_object[2, 3] - pose[2, 3]))
     assert left[1] < 0.8 * left[0]
+
+
+def test_a_picture_that_says_nothing_leaves_the_pose_as_unsure_as_it_was_given():
+    _, points, model, pose, latent = _case(5)
+    fit = _fit(_motion(points, model, pose, latent, scale=1e6), points, model, pose, (0.01, 2.0))
+    given = np.sqrt(np.diag(covariance_of((0.01, 2.0)))) * np.sqrt(5 / 11)  # at the centre of Student's
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)[:6]), given, rtol=0.02)

@@ -55,10 +55,16 @@ class PosePrior:
         """Along the ray, across it, and of the turn."""
         return PoseDeviation.of(self.camera_from_object, self.covariance)
 
-    def quadratic(self, pose: Float[np.ndarray, "4 4"]) -> tuple[Float[np.ndarray, "6 6"], np.ndarray]:
-        """Hessian and gradient (6,) of the negative log prior at a pose; the farther, the weaker its hold."""
+    def quadratic(
+        self, pose: Float[np.ndarray, "4 4"], *, surer: float = 1.0
+    ) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6"]]:
+        """Hessian and gradient of the negative log prior at a pose; the farther, the weaker its hold.
+
+        Args:
+            surer: by how much the prior's variances are divided.
+        """
         off = drift(self.camera_from_object, pose)
-        precision = np.linalg.inv(self.covariance)
+        precision = surer * np.linalg.inv(self.covariance)
         hold = precision * (FREEDOM + len(off)) / (FREEDOM + off @ precision @ off)
         return hold, hold @ off
 
