@@ -36,6 +36,12 @@ def test_cls_doubts_the_pose_that_it_refines_and_no_other(mug, seen):
     assert np.linalg.eigvalsh(refined).min() > 0
 
 
+def test_cls_keeps_a_pose_that_is_said_to_be_exact(mug, seen):
+    exact = replace(seen, pose_covariance=np.zeros((6, 6)))
+    estimate = ClsEstimator(mug, refine_pose=True)(exact)
+    np.testing.assert_allclose(estimate.camera_from_object, seen.camera_from_object, atol=1e-12)
+
+
 def test_cls_states_the_pose_s_doubt_along_the_camera_s_axes(mug, seen):
     """A camera turned about its own axis sees the same; its doubt turns with it."""
     turn = Rotation.from_rotvec([0, 0, 0.7]).as_matrix()

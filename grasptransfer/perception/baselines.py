@@ -90,7 +90,8 @@ class ClsEstimator:
         cloud = depth_cloud(observation)
         viewpoint = invert(observation.camera_from_object)[:3, 3]
         space = self.category.shape_space
-        fit = latent_fit(space, cloud, refine_pose=self.refine_pose, viewpoint=viewpoint)
+        exact = observation.pose_covariance is not None and not observation.pose_covariance.any()
+        fit = latent_fit(space, cloud, refine_pose=self.refine_pose and not exact, viewpoint=viewpoint)
         pose = observation.camera_from_object @ fit.told_from_refined
         return ShapeEstimate(
             field=space.field(fit.latent),
