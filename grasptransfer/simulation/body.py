@@ -23,10 +23,10 @@ class Body:
     Args:
         hulls: vertices (v, 3) [m] and triangles (f, 3) of its convex parts.
         lowest: smallest z of all parts [m].
-        mass: kg.
-        centre_of_mass: (3,) [m].
-        principal_moments: about the centre of mass, kg m2.
-        principal_axes: rotation (3, 3) from their frame to the object's.
+        mass: mass [kg].
+        centre_of_mass: (3,) position in the object frame [m].
+        principal_moments: (3,) moments of inertia about the centre of mass [kg m2].
+        principal_axes: (3, 3) rotation from the frame of the principal axes to the object frame.
     """
 
     hulls: tuple[Hull, ...] = field(repr=False)
@@ -41,7 +41,7 @@ def body_of(mesh: "trimesh.Trimesh | trimesh.Scene", protocol: Protocol) -> Body
     """The body of `mesh` (object frame, metres), with the protocol's density.
 
     Raises:
-        MeshError: no solid in metres.
+        MeshError: the mesh is no solid in metres.
     """
     solid = decompose(mesh)
     mass = float(np.clip(protocol.density * solid.volume, *protocol.mass_limits))

@@ -18,9 +18,9 @@ from grasptransfer.simulation.outcome import TrialResult
 if TYPE_CHECKING:
     import trimesh
 
-DEPTH, HEIGHT = 0.04, 0.1  # m, of every box
+DEPTH, HEIGHT = 0.04, 0.1  # m: all boxes share these two sides.
 DOWNWARDS = np.diag([1.0, -1.0, -1.0])
-COVERED = 0.25  # share of a pad's height, above its middle, that the box reaches to
+COVERED = 0.25  # The box's top lies above the middle of the pads by this share of their height.
 
 
 def box_widths(gripper: Gripper) -> tuple[float, float, float]:
@@ -51,8 +51,9 @@ def hold_boxes(
     """Execute the grasp of each box, by `lift-shake-v1`.
 
     Args:
-        widths: of the boxes [m]; None: `box_widths`.
-        engine: as of `simulate`.
+        gripper: the gripper to check.
+        widths: widths of the boxes [m]; None takes those of `box_widths`.
+        engine: physics engine, as for `simulate`.
     """
     widths = box_widths(gripper) if widths is None else widths
     return [

@@ -13,36 +13,38 @@ from grasptransfer.grasping.gripper import FingerJoint, FingerLink, Gripper, Joi
 if TYPE_CHECKING:
     import trimesh
 
-LEAST_MASS = 0.01  # kg of a link that the URDF gives none: lighter ones shake in the solver
-LEAST_MOMENT = 1e-6  # kg m2, likewise
-# kg, kg m2 of the base: an arm carries it. One of 0.14 kg between fingers as heavy as their drives lets the
-# coupling of the fingers err by 1 mm (OpenManipulator-X); the Panda hand weighs 0.73 kg.
+# Links without mass or moment in the URDF get these [kg], [kg m2]: lighter links shake in the solver.
+LEAST_MASS = 0.01
+LEAST_MOMENT = 1e-6
+# The base gets at least these [kg], [kg m2], because an arm carries it. With a base of 0.14 kg between
+# fingers as heavy as their drives, the fingers' coupling errs by 1 mm (OpenManipulator-X). The Panda hand
+# weighs 0.73 kg.
 LEAST_BASE_MASS, LEAST_BASE_MOMENT = 0.7, 6e-4
 
 
 @dataclass(frozen=True)
 class Hand:
-    """A floating gripper; no more than a worker process needs.
+    """A floating gripper, reduced to what a worker process needs.
 
     Args:
         name: the gripper's.
         urdf: text of a URDF whose root is the base link; mesh files are named by `meshes`.
-        meshes: file name and OBJ text of each collision mesh.
+        meshes: pairs of file name and OBJ text, one pair for each collision mesh.
         base_from_tcp: (4, 4) [m].
-        joints: name and ratio to the driver of each moving joint, the driver first.
-        leaders: number of the joint that each is geared to: the next one nearer to the base in its own
-            chain, or the driver. So a finger's own torques meet in that finger, and what the solver
-            leaves over of one finger's coupling does not push the other.
+        joints: pairs of name and ratio to the driver, one pair for each moving joint, the driver first.
+        leaders: for each joint, the number of the joint to which it is geared: the next joint towards the
+            base in its own chain, or the driver. A finger's torques are then balanced within that finger,
+            and the solver's remaining error in one finger's coupling does not push the other finger.
         drivers, openings: tables of driver values and the pad distances that belong to them [m].
-        offsets: of each joint, metres or radians.
+        offsets: one offset for each joint, metres or radians.
         opening: smallest and largest distance between the pads [m].
-        narrowest: width of the thinnest object that both pads reach [m].
-        link_names: of every link, the base first.
+        narrowest: width of the thinnest object that both pads can touch [m].
+        link_names: names of all links, the base first.
         pad_links: names of the links with the -x and the +x pad.
         pad_bodies: names of all links that move with each pad.
-        pad_centres: (2, 3) of their faces, each in its link's frame [m].
+        pad_centres: (2, 3) centres of the pads' faces, each in its link's frame [m].
         pads_turn: whether the pads' faces are not always square to TCP x.
-        force_limit: [N].
+        force_limit: largest force of each pad [N].
     """
 
     name: str
@@ -77,7 +79,7 @@ class Hand:
 
 
 def hand_of(gripper: Gripper) -> Hand:
-    """The gripper without what the physics does not need."""
+    """The gripper as the physics needs it."""
     urdf, meshes = _urdf(gripper)
     moving = [joint for joint in gripper.finger_joints if joint.ratio != 0]
     joints = tuple((joint.name, joint.ratio) for joint in moving)
@@ -164,9 +166,9 @@ def _origin(parent_from_child: Float[np.ndarray, "4 4"]) -> ElementTree.Element:
 
 
 def _inertial(given: ElementTree.Element | None, *, is_base: bool) -> ElementTree.Element:
-    """The URDF's mass and moments; a link of too little, or with no moment about an axis, gets the least.
+    """Return the URDF's mass and moments, but at least the least ones where they are too small or missing.
 
-    PyBullet takes a mass of 0 for a body that is fixed to the world: such a hand holds all and lifts nothing.
+    PyBullet fixes a body of mass 0 to the world: a hand of such links could not lift anything.
     """
     least_mass, moment = (LEAST_BASE_MASS, LEAST_BASE_MOMENT) if is_base else (LEAST_MASS, LEAST_MOMENT)
     mass = 0.0 if given is None else _mass(given)
@@ -188,7 +190,7 @@ def _mass(inertial: ElementTree.Element) -> float:
 
 
 def _turns_heavily(inertial: ElementTree.Element) -> bool:
-    """Whether there is a moment of inertia about every axis."""
+    """Whether the link has a moment of inertia about every axis."""
     moments = inertial.find("inertia")
     if moments is None:
         return False

@@ -18,12 +18,12 @@ from grasptransfer.simulation.protocol import Perturbation
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a trial takes place under.
+    """Friction, mass and force of one trial.
 
     Args:
         friction: Coulomb coefficient between pad and object.
-        mass: of the object [kg].
-        force: of each pad, at most [N].
+        mass: mass of the object [kg].
+        force: largest force of each pad [N].
     """
 
     friction: float
@@ -33,10 +33,10 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Job:
-    """What to execute, errors already added.
+    """One trial to execute, with its errors already added.
 
     Args:
-        grasp, trial: name and number.
+        grasp, trial: name of the grasp, and number of the trial.
         object_from_tcp: (4, 4) [m].
         width: distance between the pads when they touch, or None where not known [m].
         opening: distance between the pads on the way in [m].
@@ -67,6 +67,15 @@ def make_jobs(
 ) -> list[Job]:
     """Every trial of every grasp, with its errors drawn from the seed, the grasp's name and the trial.
 
+    Args:
+        grasps: the grasps, as for `simulate`.
+        gripper: the gripper that executes them; it decides openings that are not given.
+        conditions: friction, mass and force without errors.
+        trials: number of trials of one grasp.
+        perturb: errors to draw; None executes the grasps exactly.
+        seed: seed of the errors.
+        frames: recorded frames in a second of simulated time; 0 records none.
+
     Raises:
         GraspFileError: two grasps of one name, or a length that is none in metres.
     """
@@ -82,7 +91,7 @@ def make_jobs(
         for trial in range(trials):
             moved, met = pose, conditions
             if perturb is not None:
-                # By name, not by place: leaving a grasp out does not change the others.
+                # The errors follow the grasp's name, so that leaving a grasp out does not change the others.
                 rng = np.random.default_rng([seed, zlib.crc32(name.encode()), trial])
                 moved, met = perturbed(pose, conditions, perturb, rng)
             jobs.append(Job(name, trial, moved, width, opening, approach, met, frames))
@@ -95,7 +104,14 @@ def perturbed(
     perturb: Perturbation,
     rng: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "4 4"], Conditions]:
-    """The pose [m] and the conditions with random errors."""
+    """The pose and the conditions with random errors.
+
+    Args:
+        object_from_tcp: (4, 4) exact pose [m].
+        conditions: exact conditions.
+        perturb: standard deviations of the errors.
+        rng: where the errors are drawn from.
+    """
     shift = rng.normal(0.0, 1.0, 3) * perturb.position
     axis = rng.normal(0.0, 1.0, 3)
     angle = np.radians(perturb.degrees) * rng.normal()
@@ -107,7 +123,7 @@ def perturbed(
 
 
 def _on_the_way_in(grasp: PlacedGrasp, gripper: Gripper) -> float:
-    """Distance between the pads on the way in [m]; refuses lengths that are none in metres.
+    """Distance between the pads on the way in [m]; refuses lengths that cannot be metres.
 
     Raises:
         GraspFileError: width, opening or approach distance beyond a metre, negative or not finite.

@@ -7,7 +7,7 @@ from grasptransfer.simulation.protocol import Protocol
 
 
 def smooth(share: Float[np.ndarray, "t"]) -> Float[np.ndarray, "t"]:
-    """From 0 to 1 with no jerk at either end: minimum-jerk polynomial."""
+    """The minimum-jerk polynomial from 0 to 1, at rest and without acceleration at both ends."""
     return share**3 * (10 - 15 * share + 6 * share**2)
 
 
@@ -36,7 +36,8 @@ def swing(protocol: Protocol) -> Float[np.ndarray, "t"]:
 def turns(protocol: Protocol) -> Float[np.ndarray, "t"]:
     """Angle about the closing axis [rad] at each step: one way, the other way, and back.
 
-    The way across is twice as long and takes root two as much time: all three accelerate alike.
+    The turn across is twice as long and takes the square root of two as much time, so that all three turns
+    have the same acceleration.
     """
     share = times(protocol.turn_time, protocol.time_step) / protocol.turn_time
     single = 1 / (2 + np.sqrt(2))

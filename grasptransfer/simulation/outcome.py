@@ -42,7 +42,7 @@ _ADVICE = {
     TrialStatus.SLIPPED_LIFT: "Grasp nearer to the centre of mass, or where the surface is flatter.",
     TrialStatus.SLIPPED_SHAKE: "Grasp nearer to the centre of mass, or where more of the pads touches.",
     TrialStatus.OUT_OF_STEP: "Check limits, ratios and offsets of the gripper's joints, or use less force.",
-    TrialStatus.UNSTABLE: "Look at the frames: the physics, or the object's stand, cannot be trusted here.",
+    TrialStatus.UNSTABLE: "Inspect the frames: the physics, or the object's stand, cannot be trusted here.",
     TrialStatus.CRASHED: "The process of the physics engine ended; run the trial again.",
 }
 
@@ -77,12 +77,12 @@ class TrialResult:
         phase: where it ended: `pre-check`, `settle`, `approach`, `close`, `lift`, `shake`, `turn`, `rest`.
         detail: one sentence with the numbers.
         slip_mm, slip_degrees: how far the object moved in the gripper after the fingers had closed.
-        max_penetration_mm: deepest overlap of gripper and object after that.
-        width_mm: distance between the pads at the end, where they are.
-        protocol, gripper, engine: names.
-        friction, mass, force: of this trial; kg, and N of each pad.
-        seconds: of computing.
-        recording: poses over time, where asked for; not kept in files.
+        max_penetration_mm: deepest overlap of gripper and object after the fingers had closed.
+        width_mm: distance between the pads at the end.
+        protocol, gripper, engine: their names.
+        friction, mass, force: conditions of this trial: Coulomb coefficient, kg, and N of each pad.
+        seconds: time that the computation took.
+        recording: poses over time, if a recording was asked for; files do not keep it.
     """
 
     grasp: str

@@ -11,9 +11,11 @@ from grasptransfer.simulation.setup import Setup, execute
 def run_trials(
     setup: Setup, jobs: Sequence[Job], *, workers: int, cluster: str | None, limit: float
 ) -> Iterator[tuple[int, TrialResult]]:
-    """Index and result of each trial, as they end.
+    """Yield index and result of each trial as it ends.
 
     Args:
+        setup: object, gripper, protocol and engine of all trials.
+        jobs: the trials.
         workers: number of processes; one means this process.
         cluster: address of a Dask scheduler, instead of `workers`.
         limit: most seconds for one trial in another process.
@@ -34,6 +36,6 @@ def run_trials(
 
 
 def crashed_trial(job: Job, detail: str) -> TrialResult:
-    """The result of a trial that nobody could finish."""
+    """The result of a trial that no process could finish."""
     friction = job.conditions.friction
     return TrialResult(job.grasp, job.trial, TrialStatus.CRASHED, "", detail, friction=friction)

@@ -30,13 +30,13 @@ class Setup:
 
     @cached_property
     def key(self) -> str:
-        """Changes whenever a trial could."""
+        """A key that changes whenever the outcome of a trial could change."""
         versions = (__version__, self.engine, engine_version(self.engine))
         return content_key(versions, self.body, self.hand, self.protocol)
 
 
 def job_key(setup: Setup, job: Job) -> str:
-    """Names one trial by all that decides its outcome."""
+    """Return the key of one trial, made from everything that decides its outcome."""
     pose = [round(float(value), 12) + 0.0 for value in job.object_from_tcp.ravel()]
     numbers = (pose, job.width, job.opening, job.approach_distance, job.conditions)
     return content_key(setup.key, job.grasp, job.trial, numbers)[:24]

@@ -12,15 +12,15 @@ from grasptransfer.simulation.engines.seam import World
 from grasptransfer.simulation.job import Job
 from grasptransfer.simulation.outcome import Recording, TrialResult, TrialStatus
 
-LEAST_ROOM = 0.001  # m on each side of the object, below which the gripper does not get around it
-WATCH = 0.05  # s between looks at contacts and slip
-STALLED = 2e-4  # m of opening in one look: fingers slower than this have closed
-TOPPLED = (0.01, 5.0)  # m, degrees: more than this, and the object does not stand by itself
-RUNAWAY = 5.0  # m/s: nothing in a protocol is that fast
-OUT_OF_STEP = 0.003  # m by which joints that should follow each other may disagree about the opening
-NOT_LIFTED = 0.01  # m below the lift's height at which the hand has not made the lift
-SPARE_TIME = 1.25  # of the time that a hand's stroke takes at the protocol's speed
-LIMIT_SPEED = 1.0  # m/s the closed fingers strive for, so that their motors give all their force
+LEAST_ROOM = 0.001  # m: with less room on each side of the object the gripper does not get around it.
+WATCH = 0.05  # s between two checks of contacts and slip.
+STALLED = 2e-4  # m: fingers whose opening changes by less between two checks have closed.
+TOPPLED = (0.01, 5.0)  # m, degrees: an object that moves more than this does not stand by itself.
+RUNAWAY = 5.0  # m/s: no motion of a protocol is that fast.
+OUT_OF_STEP = 0.003  # m: coupled joints may disagree about the opening by this much.
+NOT_LIFTED = 0.01  # m: a hand that stops so far below the lift's height has not made the lift.
+SPARE_TIME = 1.25  # Closing may take this multiple of the stroke's time at the protocol's speed.
+LIMIT_SPEED = 1.0  # m/s: closed fingers are driven at this speed, so that their motors give all their force.
 
 
 class _Ended(Exception):
@@ -32,7 +32,7 @@ class _Ended(Exception):
 
 
 def run_trial(world: World, job: Job) -> TrialResult:
-    """Execute one grasp in a world of its own making; nothing of earlier trials remains in it."""
+    """Execute one grasp in a freshly loaded world, in which nothing of earlier trials remains."""
     started = time.perf_counter()
     trial = _Trial(world, job)
     try:
@@ -95,7 +95,7 @@ class _Trial:
         self._in_step()
 
     def _stand(self):
-        """The object stands on the table by itself, before any gripper comes."""
+        """Let the object stand on the table by itself, before the gripper comes."""
         if self.protocol.support != "table":
             return
         self.phase = "settle"
@@ -145,7 +145,7 @@ class _Trial:
         return f" (if {link} is only a safety margin, add ignore_links: [{link}] to the gripper's YAML)"
 
     def _approach(self, world_from_tcp: Float[np.ndarray, "4 4"]):
-        """Along +z without physics: a touch on the way is a reason of its own."""
+        """Approach along +z without physics; a collision on the way ends the trial with its own reason."""
         self.phase = "approach"
         step, back = self.protocol.approach_step, world_from_tcp.copy()
         left = self.job.approach_distance
@@ -160,9 +160,9 @@ class _Trial:
                     f"{link} reaches {-distance * 1e3:.1f} mm into {obstacle}"
                 )
                 raise _Ended(TrialStatus.BLOCKED_APPROACH, text)
-            # What is farther away than the step cannot be touched within it.
-            reach = 0.01 if self._record_every else np.inf
-            left -= max(step, min(distance, reach))
+            # An obstacle farther away than the step cannot be touched within the step.
+            longest = 0.01 if self._record_every else np.inf
+            left -= max(step, min(distance, longest))
         self.gripper.place(world_from_tcp, self.job.opening)
 
     def _close(self, world_from_tcp: Float[np.ndarray, "4 4"]):
@@ -208,7 +208,7 @@ class _Trial:
             raise _Ended(TrialStatus.SLIPPED_LIFT, f"the object rose by {lifted * 1e3:.0f} mm alone")
 
     def _heights(self) -> Float[np.ndarray, "2"]:
-        """Of the TCP and of the object's centre of mass [m]."""
+        """Heights of the TCP and of the object's centre of mass [m]."""
         placed = self.world.world_from_object()
         centre = placed[:3, :3] @ self.world.body.centre_of_mass + placed[:3, 3]
         return np.array([self.gripper.world_from_tcp()[2, 3], centre[2]])
@@ -302,7 +302,7 @@ class _Trial:
             self._moments.append((moment, self.phase, *poses))
 
     def recording(self) -> Recording | None:
-        """The poses so far, or None where none were asked for."""
+        """The poses so far, or None where no recording was asked for."""
         if not self._record_every:
             return None
         if not self._moments:  # ended before anything moved: show how it stands

@@ -1,7 +1,7 @@
 """Physics engines behind one seam: a protocol is data, and runs on each of them.
 
-Register an engine once, here. Its library loads when a world is opened, never before; where one engine has
-no wheels, everything works with the other.
+An engine is registered once, in this file. Its library is imported when a world is opened, never before;
+where one engine has no wheels, everything works with the other.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Engine:
-    """Where an engine's world is, what it needs, and how to get that."""
+    """Where an engine's world is defined, which package it needs, and how to install that package."""
 
     module: str
     world: str
@@ -89,6 +89,16 @@ def engine_version(name: str) -> str:
 
 
 def open_world(engine: str, body: "Body", hand: "Hand", protocol: "Protocol") -> "World":
-    """A world of this engine with one gripper and one object."""
+    """A world of this engine with one gripper and one object.
+
+    Args:
+        engine: name of an installed engine.
+        body: the object.
+        hand: the gripper.
+        protocol: how the trials are executed.
+
+    Raises:
+        SettingsError: the engine is unknown, or its library is not installed.
+    """
     chosen = ENGINES[choose_engine(engine)]
     return getattr(import_module(chosen.module), chosen.world)(body, hand, protocol)

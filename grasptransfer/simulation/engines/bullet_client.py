@@ -43,7 +43,7 @@ def position_and_quaternion(a_from_b: Float[np.ndarray, "4 4"]) -> tuple[list[fl
 
 
 def transform(position, orientation) -> Float[np.ndarray, "4 4"]:
-    """`a_from_b` of what Bullet gives; by hand, because it is wanted a thousand times a trial."""
+    """`a_from_b` from Bullet's position and quaternion; written out, as a trial needs it a thousand times."""
     x, y, z, w = orientation
     a_from_b = np.eye(4)
     a_from_b[:3, :3] = (
@@ -56,7 +56,7 @@ def transform(position, orientation) -> Float[np.ndarray, "4 4"]:
 
 
 def _pybullet():
-    """The module; on import its C code writes a greeting to the caller's standard error."""
+    """The module `pybullet`, imported without the greeting that its C code writes to standard error."""
     if "pybullet" in sys.modules:
         return sys.modules["pybullet"]
     sys.stderr.flush()

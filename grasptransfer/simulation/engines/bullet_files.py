@@ -1,7 +1,7 @@
-"""Files for PyBullet, which reads shapes from nowhere else, in folders that no killed process leaves behind.
+"""Files for PyBullet, which reads shapes from files only, in folders that no killed process leaves behind.
 
-A process keeps a lock on its folder for as long as it lives: the system gives it back however it ends.
-Whoever makes a folder, or has lost a worker, removes those without an owner.
+A process keeps a lock on its folder for as long as it lives: the system releases the lock however the process
+ends. A process that makes a folder, or has lost a worker, removes all folders that nobody has locked.
 """
 
 import contextlib

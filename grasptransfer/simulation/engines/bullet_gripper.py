@@ -1,7 +1,7 @@
 """A gripper that floats in a PyBullet world, carried along by a constraint of finite force.
 
-Bullet places bodies and constraints by their centre-of-mass frames (bullet3 #2411, #2096); here they are
-converted to the TCP. It ignores a URDF's `mimic` (#1140, #2575); here gears couple the joints.
+Bullet places bodies and constraints by their centre-of-mass frames (bullet3 #2411, #2096); this module
+converts them to the TCP. Bullet ignores a URDF's `mimic` (#1140, #2575), so gears couple the joints here.
 """
 
 from pathlib import Path
@@ -20,10 +20,10 @@ class BulletGripper(FloatingGripper):
     """One gripper in the world of `client`.
 
     Args:
-        client: holds the world.
-        hand: what to load; its files are in `folder`.
-        protocol: its numbers of forces and masses.
-        folder: with `hand.urdf`.
+        client: connection to the engine that holds the world.
+        hand: the gripper to load.
+        protocol: forces and masses of the trial.
+        folder: folder that holds `hand.urdf` and its meshes.
     """
 
     def __init__(self, client: Client, hand: Hand, protocol: Protocol, folder: Path):
@@ -57,7 +57,7 @@ class BulletGripper(FloatingGripper):
         self._links = {name: index for index, name in self.link_names.items()}
 
     def _set_dynamics(self):
-        # Apart from the links' own numbers: given together with damping, Bullet sets the base's.
+        # Damping has a call of its own: given together with a link's numbers, Bullet sets the base's instead.
         self._call("changeDynamics", self.body, BASE, linearDamping=0, angularDamping=0)
         moving = self._behind_joints()
         for index in self.link_names:
@@ -79,7 +79,7 @@ class BulletGripper(FloatingGripper):
         return moving
 
     def _couple(self):
-        """Gears from each joint's leader to it."""
+        """Gear each joint to its leader."""
         axis, origin, kind = [1, 0, 0], [0, 0, 0], self._bullet.JOINT_GEAR
         for number, leader in list(enumerate(self.hand.leaders))[1:]:
             (_, ratio), offset = self.hand.joints[number], self.hand.offsets[number]
@@ -98,7 +98,7 @@ class BulletGripper(FloatingGripper):
             )
 
     def place(self, world_from_tcp: Float[np.ndarray, "4 4"], opening: float):
-        """Put it there at rest, without physics, its pads `opening` apart [m]."""
+        """Put the gripper at this pose, at rest and without physics, with its pads `opening` apart [m]."""
         position, orientation = position_and_quaternion(world_from_tcp @ self._tcp_from_mass)
         self._call("resetBasePositionAndOrientation", self.body, position, orientation)
         self._call("resetBaseVelocity", self.body, [0, 0, 0], [0, 0, 0])
@@ -117,7 +117,7 @@ class BulletGripper(FloatingGripper):
         self.carry(at, turned)
 
     def carry(self, position: list[float], orientation: list[float]):
-        """Carry the TCP to this place [m] and orientation (x, y, z, w), with finite force."""
+        """Carry the TCP to this position [m] and orientation (x, y, z, w), with finite force."""
         self._call(
             "changeConstraint",
             self._hold,
@@ -134,15 +134,15 @@ class BulletGripper(FloatingGripper):
         )
 
     def joint_values(self) -> Float[np.ndarray, "j"]:
-        """Of each joint of `hand.joints` [m or rad]."""
+        """Values of the joints, in the order of `hand.joints` [m or rad]."""
         return np.array([state[0] for state in self._call("getJointStates", self.body, self._joints)])
 
     def world_from_tcp(self) -> Float[np.ndarray, "4 4"]:
-        """Where the TCP is."""
+        """Present pose of the TCP."""
         return transform(*self._call("getBasePositionAndOrientation", self.body)) @ self._mass_from_tcp
 
     def world_from_link(self, name: str) -> Float[np.ndarray, "4 4"]:
-        """Where a link is."""
+        """Present pose of a link."""
         index = self._links[name]
         if index == BASE:
             return self.world_from_tcp() @ invert(self.hand.base_from_tcp)

@@ -1,7 +1,7 @@
 """One PyBullet world with a floating gripper and an object, in DIRECT mode.
 
-Every load takes the bodies of the trial before out of the world and puts new ones in, in the same order,
-so that a trial does not depend on the ones before it; only the object's shape, slow to build, stays.
+Every load removes the bodies of the trial before from the world and adds new ones in the same order, so that
+a trial does not depend on earlier trials. Only the object's shape stays, because it is slow to build.
 Shapes carry their faces (`URDF_INITIALIZE_SAT_FEATURES`): Bullet then clips whole faces against each
 other; without them a contact gains one point a step, and a squeezed object wobbles into the pads by
 centimetres.
@@ -24,11 +24,11 @@ TABLE_HALF_THICKNESS = 0.1  # m
 
 
 def _effort(gears: int) -> int:
-    """How many times a protocol's iterations a hand takes.
+    """By how much a hand multiplies the protocol's solver iterations.
 
-    One gear, as of two fingers that slide, takes them as they are. A linkage with five, squeezed between
-    its pads, takes ten times as many until its joints agree to half a millimetre of opening; with as few
-    as one gear takes, they disagree by 57 (Robotiq 2F-140, a box of 50 mm).
+    A hand with one gear, such as two sliding fingers, needs the protocol's number. A linkage with five gears
+    that squeezes an object needs ten times as many until its joints agree to half a millimetre of opening;
+    with the number for one gear they disagree by 57 mm (Robotiq 2F-140, a box of 50 mm).
     """
     return 1 if gears <= 1 else 2 * gears
 
@@ -58,7 +58,7 @@ class BulletWorld(World):
         self._files.close()
 
     def load(self, conditions: Conditions) -> BulletGripper:
-        """A fresh gripper, and the object at the origin, always in this order."""
+        """Load a fresh gripper and then the object at the origin, always in this order."""
         if self._shape is None:
             self._prepare()
         if self._loaded is not None:
@@ -75,7 +75,7 @@ class BulletWorld(World):
         return self._loaded
 
     def _prepare(self):
-        """What stays from trial to trial: the engine's numbers and the shape."""
+        """Set what stays from trial to trial: the engine's parameters and the object's shape."""
         protocol = self.protocol
         self._call("resetSimulation")
         self._call(
@@ -86,7 +86,7 @@ class BulletWorld(World):
             numSubSteps=0,
             contactERP=protocol.contact_erp,
             frictionERP=protocol.friction_erp,
-            enableConeFriction=1,  # the pyramid takes half the time and ignores spinning friction
+            enableConeFriction=1,  # The pyramid takes half the time but ignores spinning friction.
             deterministicOverlappingPairs=1,
             enableFileCaching=0,
         )
@@ -113,9 +113,9 @@ class BulletWorld(World):
             lateralFriction=conditions.friction,
             spinningFriction=self.protocol.spinning_friction,
             rollingFriction=0.0,
-            frictionAnchor=1,  # else what sticks creeps by a millimetre a second, for want of iterations
+            frictionAnchor=1,  # Without it the solver lets a sticking contact creep by a millimetre a second.
             restitution=0.0,
-            collisionMargin=0.0,  # Bullet would make every hull 1 mm thicker, and a mug's wall with it
+            collisionMargin=0.0,  # Bullet's default makes every hull, such as a mug's wall, 1 mm thicker.
         )
         self.damp(0.0)
 
@@ -140,7 +140,7 @@ class BulletWorld(World):
         self._call("stepSimulation")
 
     def world_from_object(self) -> Float[np.ndarray, "4 4"]:
-        """Where the object's frame is."""
+        """Present pose of the object's frame."""
         return transform(*self._call("getBasePositionAndOrientation", self.object)) @ self._mass_from_object
 
     def object_dynamics(self) -> tuple[float, Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
@@ -155,7 +155,7 @@ class BulletWorld(World):
         return float(np.linalg.norm(self._call("getBaseVelocity", self.object)[0]))
 
     def overlapping(self) -> set[str]:
-        """Links of the gripper that reach into the object, without a step of physics."""
+        """Links of the gripper that overlap the object, without a step of physics."""
         hand = self._gripper()
         points = self._call("getClosestPoints", hand.body, self.object, 0.0)
         return {hand.link_names[point[3]] for point in points if point[8] < 0}
@@ -174,7 +174,7 @@ class BulletWorld(World):
         return [(hand.link_names[c[3]], list(c[5])) for c in contacts if c[8] <= 0 or c[9] > 0]
 
     def nearest(self) -> tuple[float, str, str]:
-        """Least distance from the gripper to anything [m], the link and what it is."""
+        """Least distance from the gripper to any obstacle [m], the link and the obstacle."""
         hand, best = self._gripper(), (FAR, "", "")
         for other, name in ((self.object, "the object"), (self.table, "the table")):
             if other is None:

@@ -1,10 +1,11 @@
 """Object, gripper, table and what holds them together, as one MuJoCo model.
 
 The gripper is read from the URDF of `Hand`, so that both engines have the same links, masses and shapes.
-MuJoCo's contacts are springs, here as stiff as keeps a squeezed object within half a millimetre of the pads
-(fingers of rubber give as much). Stiffer ones lose what was held: two bodies then touch in one point, from
-which MuJoCo builds no patch. So set, perturbed trials of the annotated grasps end as in PyBullet in 99 % (634
-of 640, `sim_tests/README.md`), and with two, four or eight of MuJoCo's steps in one of the protocol's alike.
+MuJoCo's contacts are springs. Here they are stiff enough to keep a squeezed object within half a millimetre
+of the pads, which is as much as rubber fingers give. With stiffer contacts held objects are lost: two bodies
+then touch in one point, and MuJoCo builds no contact patch. With this stiffness 99 % of the perturbed trials
+of the annotated grasps end as in PyBullet (634 of 640, `sim_tests/README.md`), and the outcome is the same
+with two, four or eight of MuJoCo's steps in one step of the protocol.
 """
 
 # MuJoCo's package has no types.
@@ -23,14 +24,15 @@ from grasptransfer.simulation.hand import Hand
 from grasptransfer.simulation.protocol import Protocol
 
 OBJECT, TABLE, CARRIER = "object of the trial", "table of the trial", "carrier of the TCP"
-# Which bodies collide: every kind with every other, none with itself.
+# Hand, object and table collide with each other, and none of them with itself.
 HAND_BIT, OBJECT_BIT, TABLE_BIT = 1, 2, 4
-REFERENCE = (0.00625, 1.0)  # s, damping ratio of contacts, joint limits and the weld
+REFERENCE = (0.00625, 1.0)  # Time constant [s] and damping ratio of contacts, joint limits and the weld.
 IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
-FRICTION_IMPEDANCE = 50.0  # friction over normal contact: at 10 a held object creeps out of the pads
-# Joints that follow each other do so by metal: as stiff as MuJoCo's step allows.
+# Impedance of friction over that of the normal force: at 10 a held object creeps out of the pads.
+FRICTION_IMPEDANCE = 50.0
+# Metal couples joints that follow each other, so their coupling is as stiff as MuJoCo's step allows.
 COUPLING, COUPLING_IMPEDANCE = (0.0042, 1.0), (0.999, 0.9999, 0.001, 0.5, 2.0)
-STEPS = 2  # of MuJoCo's own in one of the protocol's
+STEPS = 2  # MuJoCo's own steps in one time step of the protocol.
 TABLE_HALF_SIZE = (1.0, 1.0, 0.1)  # m
 
 
@@ -62,7 +64,7 @@ def _set_options(spec: mujoco.MjSpec, protocol: Protocol) -> None:
 
 
 def _add_object(spec: mujoco.MjSpec, body: Body) -> None:
-    """Its body frame is that of its principal axes, so that damping acts alike along each."""
+    """Add the object, with its principal axes as body frame, so that damping acts alike along all of them."""
     placed = spec.worldbody.add_body(name=OBJECT, explicitinertial=True)
     placed.mass, placed.inertia = body.mass, body.principal_moments
     placed.add_freejoint()
@@ -86,8 +88,8 @@ def _add_mesh(
 class _HandBuilder:
     """Puts the links of a hand's URDF into a model; the base's body has its frame at the TCP.
 
-    MuJoCo moves a turning body's origin along the tangent: the farther it is from what the pads hold, the
-    more the object creeps out of them in a turn.
+    MuJoCo moves the origin of a turning body along the tangent: the farther the origin is from the held
+    object, the more the object creeps out of the pads in a turn.
     """
 
     def __init__(self, spec: mujoco.MjSpec, hand: Hand, protocol: Protocol):
@@ -100,7 +102,7 @@ class _HandBuilder:
         self.body_from_link[hand.link_names[0]] = invert(hand.base_from_tcp)
 
     def add(self) -> None:
-        """Bodies, joints, shapes, couplings, motors and the weld that carries it all."""
+        """Add bodies, joints, shapes, couplings, motors and the weld that carries the hand."""
         base, *others = self.hand.link_names
         bodies, moving = {base: self.spec.worldbody.add_body(name=base)}, set()
         bodies[base].add_freejoint()
@@ -117,7 +119,7 @@ class _HandBuilder:
         self._carry(base)
 
     def _join(self, body: mujoco.MjsBody, joint: ElementTree.Element, parent: str) -> bool:
-        """Place a link at its joint; whether it moves."""
+        """Place a link at its joint, and return whether the joint moves."""
         placed, kind, kinds = self.body_from_link[parent] @ _origin(joint), joint.get("type"), mujoco.mjtJoint
         body.pos, body.quat = placed[:3, 3], _quaternion(placed[:3, :3])
         if kind == "fixed":
@@ -135,7 +137,7 @@ class _HandBuilder:
         return True
 
     def _set_inertia(self, body: mujoco.MjsBody, name: str, least: float) -> None:
-        """Mass and moments of the URDF, and at least this mass [kg]."""
+        """Set mass and moments of the URDF, but at least this mass [kg]."""
         inertial = _child(self.links[name], "inertial")
         body_from_mass = self.body_from_link[name] @ _origin(inertial)
         turn, mass = body_from_mass[:3, :3], float(_child(inertial, "mass").get("value", 0))
@@ -165,7 +167,7 @@ class _HandBuilder:
             _add_mesh(self.spec, geom.meshname, *self.hulls[shape.get("filename", "")])
 
     def _couple(self) -> None:
-        """Followers keep their ratio to the driver, and each joint gets a motor."""
+        """Couple each follower to its leader, and give each joint a motor."""
         (driver, ratio), *followers = self.hand.joints
         first, *offsets = self.hand.offsets
         for (name, own), offset in zip(followers, offsets, strict=True):
@@ -194,7 +196,7 @@ def child_and_parent(joint: ElementTree.Element) -> tuple[str, str]:
 
 
 def read_wavefront(text: str) -> tuple[Float[np.ndarray, "v 3"], np.ndarray]:
-    """Vertices and triangles of the one hull in an OBJ text of ours."""
+    """Vertices and triangles of the one hull in an OBJ text that `hand.py` or `body.py` wrote."""
     lines = [line.split() for line in text.splitlines()]
     vertices = [[float(value) for value in words[1:]] for words in lines if words[0] == "v"]
     triangles = [[int(value) - 1 for value in words[1:]] for words in lines if words[0] == "f"]
@@ -221,5 +223,5 @@ def _numbers(text: str | None) -> list[float]:
 
 
 def _quaternion(rotation: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "4"]:
-    """As MuJoCo takes it: (w, x, y, z)."""
+    """The rotation as the quaternion (w, x, y, z) that MuJoCo takes."""
     return Rotation.from_matrix(rotation).as_quat(scalar_first=True)

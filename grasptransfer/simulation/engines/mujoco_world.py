@@ -1,9 +1,9 @@
 """A MuJoCo world with a floating gripper and an object.
 
-A weld, a soft constraint of the solver, ties the TCP to a body that the trial moves about. The equalities
-that couple the fingers know no limit of force: `Protocol.gear_force` and the `erp` numbers are Bullet's.
-Motors give all their force at a standstill and none at the wanted speed, as a direct-current motor does:
-MuJoCo then takes them implicitly, and they do not chatter.
+A weld, a soft constraint of the solver, ties the TCP to a body that the trial moves about. The equality
+constraints that couple the fingers have no limit of force: `Protocol.gear_force` and the `erp` numbers apply
+to Bullet only. A motor gives its full force at standstill and none at the commanded speed, as a
+direct-current motor does: MuJoCo then integrates it implicitly, and it does not chatter.
 """
 
 # MuJoCo's package has no types.
@@ -24,7 +24,7 @@ from grasptransfer.simulation.hand import Hand
 from grasptransfer.simulation.job import Conditions
 from grasptransfer.simulation.protocol import GRAVITY, Protocol
 
-TOUCH = 1e-4  # m: how far away an overlap is looked for
+TOUCH = 1e-4  # m: distances are computed up to here, which is enough to find overlaps.
 FLIPPED = np.array([1, 1, 1, -1, -1, -1, -1])  # the same orientation by the other quaternion
 
 
@@ -36,12 +36,12 @@ class State:
         self._seen = True
 
     def step(self):
-        """One step of MuJoCo's own; where it leads is worked out when somebody looks."""
+        """Do one of MuJoCo's own steps; poses and contacts after it are computed when `now` is called."""
         mujoco.mj_step(self.model, self.data)
         self._seen = False
 
     def now(self) -> mujoco.MjData:
-        """The data with the poses and contacts of this moment: a step leaves those of its start."""
+        """The data with present poses and contacts, because a step leaves those of its beginning."""
         if not self._seen:
             mujoco.mj_fwdPosition(self.model, self.data)
             self._seen = True
@@ -67,7 +67,7 @@ class MujocoGripper(FloatingGripper):
         self._farthest = protocol.hold_force / mass * model.eq_solref[self._weld, 0] ** 2
 
     def place(self, world_from_tcp: Float[np.ndarray, "4 4"], opening: float):
-        """Put it there at rest, without physics, its pads `opening` apart [m]."""
+        """Put the gripper at this pose, at rest and without physics, with its pads `opening` apart [m]."""
         data, positions = self._data, self.hand.joint_positions(opening)
         data.qpos[self._base] = position_and_quaternion(world_from_tcp)
         data.qpos[self._values] = [positions[name] for name, _ in self.hand.joints]
@@ -81,14 +81,15 @@ class MujocoGripper(FloatingGripper):
         self._data.eq_active[self._weld] = 1
 
     def carry(self, position: list[float], orientation: list[float]):
-        """Carry the TCP to this place [m] and orientation (x, y, z, w) within the next step."""
+        """Carry the TCP to this position [m] and orientation (x, y, z, w) within the next step."""
         x, y, z, w = orientation
         self._start, self._aim = self._aim, np.array([*position, w, x, y, z])
 
     def lead(self, share: float):
         """Move the carrier by this share of the step's way, with finite force.
 
-        The weld pulls in proportion to how far the carrier is ahead; so far ahead it goes, and no farther.
+        The weld pulls in proportion to the carrier's lead over the TCP, so limiting the lead limits the
+        force.
         """
         start = self._start if self._start[3:] @ self._aim[3:] >= 0 else self._start * FLIPPED
         wanted = start + share * (self._aim - start)  # MuJoCo makes the quaternion a unit one again
@@ -109,15 +110,15 @@ class MujocoGripper(FloatingGripper):
         self._data.ctrl[index] = speed
 
     def joint_values(self) -> Float[np.ndarray, "j"]:
-        """Of each joint of `hand.joints` [m or rad]."""
+        """Values of the joints, in the order of `hand.joints` [m or rad]."""
         return self._data.qpos[self._values]
 
     def world_from_tcp(self) -> Float[np.ndarray, "4 4"]:
-        """Where the TCP is: the base's body has its frame there."""
+        """Present pose of the TCP, at which the base's body has its frame."""
         return self._world_from_body(self.hand.link_names[0])
 
     def world_from_link(self, name: str) -> Float[np.ndarray, "4 4"]:
-        """Where a link is."""
+        """Present pose of a link."""
         if name == self.hand.link_names[0]:
             return self.world_from_tcp() @ invert(self.hand.base_from_tcp)
         return self._world_from_body(name)
@@ -147,10 +148,10 @@ class MujocoWorld(World):
         self._object_from_mass = rigid(body.principal_axes, body.centre_of_mass)
 
     def close(self):
-        """Nothing is held but this process's memory."""
+        """Do nothing: MuJoCo holds no resource but memory of this process."""
 
     def load(self, conditions: Conditions) -> MujocoGripper:
-        """A fresh gripper, and the object at the origin at rest, weighing something on a table only."""
+        """Load a fresh gripper, and the object at the origin at rest; gravity is on only with a table."""
         model, data = self._model, self._state.data
         mujoco.mj_resetData(model, data)
         model.body_mass[self._object] = self._mass = conditions.mass
@@ -181,7 +182,7 @@ class MujocoWorld(World):
             self._state.step()
 
     def world_from_object(self) -> Float[np.ndarray, "4 4"]:
-        """Where the object's frame is."""
+        """Present pose of the object's frame."""
         data = self._state.now()
         world_from_mass = rigid(data.xmat[self._object].reshape(3, 3), data.xpos[self._object])
         return world_from_mass @ invert(self._object_from_mass)
@@ -200,7 +201,7 @@ class MujocoWorld(World):
         return float(np.linalg.norm(self._state.data.qvel[self._speed[:3]]))
 
     def overlapping(self) -> set[str]:
-        """Links of the gripper that reach into the object, without a step of physics."""
+        """Links of the gripper that overlap the object, without a step of physics."""
         geoms = {
             link: [g for g, owner in self._links.items() if owner == link] for link in self.hand.link_names
         }
@@ -227,7 +228,7 @@ class MujocoWorld(World):
         return found
 
     def nearest(self) -> tuple[float, str, str]:
-        """Least distance from the gripper to anything [m] (`FAR` at most), the link and what it is."""
+        """Least distance from the gripper to any obstacle [m] (`FAR` at most), the link and the obstacle."""
         best = (FAR, "", "")
         table = [] if self.table_height is None else [self._model.geom(TABLE).id]
         for geoms, name in ((self._parts, "the object"), (table, "the table")):

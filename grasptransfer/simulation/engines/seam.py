@@ -1,8 +1,7 @@
-"""What a trial asks of a physics engine: a world with one object and one gripper that floats.
+"""What a trial asks of a physics engine: a world with one object and one floating gripper.
 
-Whatever the engine is called, lengths are metres, forces newtons, transforms (4, 4) `a_from_b`, and
-quaternions (x, y, z, w). Each trial begins with `World.load`, after which nothing of the trial before is
-left.
+In every engine lengths are metres, forces newtons, transforms (4, 4) `a_from_b`, and quaternions
+(x, y, z, w). Each trial begins with `World.load`, which removes everything of the trial before.
 """
 
 from abc import ABC, abstractmethod
@@ -16,15 +15,15 @@ from grasptransfer.simulation.hand import Hand
 from grasptransfer.simulation.job import Conditions
 from grasptransfer.simulation.protocol import Protocol
 
-FAR = 0.25  # m, beyond any pad's stroke: how far distances are looked for
+FAR = 0.25  # m: distances are measured up to here, which is more than any pad's stroke.
 
 
 class FloatingGripper(ABC):
     """The gripper of a world, carried along by its TCP.
 
     Args:
-        hand: what it is.
-        protocol: its numbers of forces and masses.
+        hand: the gripper's links, joints and shapes.
+        protocol: forces and masses of the trial.
     """
 
     def __init__(self, hand: Hand, protocol: Protocol):
@@ -32,7 +31,7 @@ class FloatingGripper(ABC):
 
     @abstractmethod
     def place(self, world_from_tcp: Float[np.ndarray, "4 4"], opening: float) -> None:
-        """Put it there at rest, without physics, its pads `opening` apart [m]."""
+        """Put the gripper at this pose, at rest and without physics, with its pads `opening` apart [m]."""
 
     @abstractmethod
     def hold(self, world_from_tcp: Float[np.ndarray, "4 4"]) -> None:
@@ -40,33 +39,33 @@ class FloatingGripper(ABC):
 
     @abstractmethod
     def carry(self, position: list[float], orientation: list[float]) -> None:
-        """Carry the TCP to this place [m] and orientation (x, y, z, w)."""
+        """Carry the TCP to this position [m] and orientation (x, y, z, w)."""
 
     @abstractmethod
     def drive_joint(self, index: int, speed: float, force: float) -> None:
         """Drive a finger joint by its number in `hand.joints`.
 
         Args:
-            speed: wanted [m/s or rad/s].
-            force: at most [N or N m].
+            speed: speed to drive at [m/s or rad/s].
+            force: largest force or torque of the motor [N or N m].
         """
 
     @abstractmethod
     def joint_values(self) -> Float[np.ndarray, "j"]:
-        """Of each joint of `hand.joints` [m or rad]."""
+        """Values of the joints, in the order of `hand.joints` [m or rad]."""
 
     @abstractmethod
     def world_from_tcp(self) -> Float[np.ndarray, "4 4"]:
-        """Where the TCP is."""
+        """Present pose of the TCP."""
 
     @abstractmethod
     def world_from_link(self, name: str) -> Float[np.ndarray, "4 4"]:
-        """Where a link is."""
+        """Present pose of a link."""
 
     def drive_fingers(self, speed: float, force: float, opening: float) -> None:
         """Move the pads together at `speed` [m/s each], with at most `force` [N each].
 
-        By virtual work: together the joints do what the two pads' forces do.
+        The joints' forces follow from virtual work: together they do the work of the two pads' forces.
 
         Args:
             opening: distance between the pads now [m].
@@ -81,7 +80,7 @@ class FloatingGripper(ABC):
         return {name: self.world_from_link(name) for name in self.hand.link_names}
 
     def opening(self) -> float:
-        """Distance between the two pad faces along the TCP's x [m], where they are."""
+        """Distance between the two pad faces along the TCP's x [m], measured at their present poses."""
         tcp_from_world = invert(self.world_from_tcp())
         low, high = (
             transform_points(tcp_from_world @ self.world_from_link(link), centre)
@@ -103,7 +102,7 @@ class World(ABC):
     Args:
         body: the object.
         hand: the gripper.
-        protocol: of the trials.
+        protocol: how the trials are executed.
     """
 
     engine: str
@@ -125,11 +124,11 @@ class World(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Give back what the engine holds."""
+        """Release the engine's resources."""
 
     @abstractmethod
     def load(self, conditions: Conditions) -> FloatingGripper:
-        """A fresh gripper, and the object at the origin at rest, weighing something on a table only."""
+        """Load a fresh gripper, and the object at the origin at rest; gravity is on only with a table."""
 
     @abstractmethod
     def weigh(self, gravity: bool) -> None:
@@ -145,7 +144,7 @@ class World(ABC):
 
     @abstractmethod
     def world_from_object(self) -> Float[np.ndarray, "4 4"]:
-        """Where the object's frame is."""
+        """Present pose of the object's frame."""
 
     @abstractmethod
     def object_dynamics(self) -> tuple[float, Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
@@ -157,7 +156,7 @@ class World(ABC):
 
     @abstractmethod
     def overlapping(self) -> set[str]:
-        """Links of the gripper that reach into the object, without a step of physics."""
+        """Links of the gripper that overlap the object, without a step of physics."""
 
     @abstractmethod
     def touching(self) -> tuple[set[str], float]:
@@ -168,9 +167,10 @@ class World(ABC):
         """The gripper's link, and the place in the world [m], of every contact with the object."""
 
     def width(self) -> float:
-        """Distance between the pads along the TCP's x [m], where they are; of tilted pads, where they touch.
+        """Distance between the pads along the TCP's x [m]; tilted pads are measured where they touch.
 
-        A tilted pad touches with one edge: the distance between the pads' centres is then not the object's.
+        A tilted pad touches with one edge, so the distance between the pads' centres is not the object's
+        width.
         """
         if self.hand.pads_turn:
             points, tcp_from_world = self.contact_points(), invert(self.gripper.world_from_tcp())
@@ -182,4 +182,4 @@ class World(ABC):
 
     @abstractmethod
     def nearest(self) -> tuple[float, str, str]:
-        """Least distance from the gripper to anything [m] (`FAR` at most), the link and what it is."""
+        """Least distance from the gripper to any obstacle [m] (`FAR` at most), the link and the obstacle."""
