@@ -51,7 +51,7 @@ def main():
               f"{one.after.chamfer * 1e3:.2f} mm after ({one.status})")  # fmt: skip
     print(f"Look at {category_page(built, Path('vase') / 'category.html')}")
 
-    # The only fault left is what no program can know: where to grasp (example 03).
+    # The only fault left is one that no program can mend: nobody has said where to grasp (example 03).
     for fault in check_category(Path("vase")):
         print(f"to do: {fault}")
     category = gt.load_category("vase")

@@ -28,15 +28,16 @@ def main():
     session = Session(category, gripper, path=PATH)
     low, high = category.canonical.bounds
 
-    # The wall opposite the handle (+x is the front), 1 cm below the rim, roughly: it is centred then.
+    # The first pose is a rough one at the wall opposite the handle (+x is the front), 1 cm below the rim.
     session.add("rim")
     session.move("rim", rigid(FROM_ABOVE, np.array([low[0] + 0.004, 0.0, high[2] - 0.010])))
     session.centre("rim")
     session.describe("rim", label="hand-over", approach_distance=0.12, confidence=0.9)
-    # As good turned about the body's axis, which passes beside the origin: the box has the handle in it.
+    # The grasp is as good when turned about the body's axis. The axis passes beside the origin, because the
+    # bounding box includes the handle.
     session.turn("rim", [-40, 0, 40], point=np.array([-0.0157, 0.0, 0.0]))
 
-    # Beside the mug: a mistake, and what the annotator says about it.
+    # A grasp beside the mug is a mistake: the annotator explains it.
     session.add("mistake")
     session.move("mistake", rigid(FROM_ABOVE, np.array([0.0, high[1] + 0.05, 0.0])))
     for name in session.names:

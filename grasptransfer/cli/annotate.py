@@ -20,11 +20,11 @@ def annotate(
     """Annotate grasps of a category in the browser.
 
     Args:
-        category: name or folder.
-        gripper: name, or YAML of your own.
+        category: name or folder of the category.
+        gripper: name of a gripper, or your own YAML file.
         grasps: file to edit; the category's own if none is given.
         host: address to serve at; 0.0.0.0 lets other machines in.
-        port: to serve at.
+        port: port to serve at.
     """
     from grasptransfer.annotator.browser import annotate as serve
 

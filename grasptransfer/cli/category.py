@@ -23,7 +23,7 @@ def list_() -> int:
 
 
 def info(category: CategoryArgument) -> int:
-    """Describe a category: settings, split, measured figures."""
+    """Describe a category: its settings, its split and its measured figures."""
     from grasptransfer.category import load_category
 
     loaded = load_category(category)
@@ -32,7 +32,7 @@ def info(category: CategoryArgument) -> int:
 
 
 def check(category: CategoryArgument) -> int:
-    """Verify a category folder, its grasps too, and explain every fault."""
+    """Verify a category folder and its grasps, and explain every fault."""
     from grasptransfer.category_check import check_category
 
     faults = check_category(category)

@@ -19,13 +19,13 @@ def convert(
     gripper: str | None = None,
     pose: Path | None = None,
 ) -> int:
-    """Convert a grasp file: isaac_grasp YAML, ACRONYM h5, graspnetAPI npy, GraspGen JSON, by suffix.
+    """Convert a grasp file by its suffix: isaac_grasp YAML, ACRONYM h5, graspnetAPI npy or GraspGen JSON.
 
     Args:
         source: file to read.
         target: file to write.
-        gripper: whose frames the foreign formats mean; default: the one that the file names, or panda.
-        pose: pose file of the object, to bring grasps of a camera's frame to the object's.
+        gripper: gripper whose frames a foreign format uses; default: the one that the file names, or panda.
+        pose: pose file of the object, which takes grasps in the camera frame to the object frame.
     """
     from grasptransfer.grasping.formats import convert as convert_file
     from grasptransfer.poses import load_pose
@@ -42,12 +42,12 @@ def frames(
     picture: Path | None = None,
     boxes: bool = False,
 ) -> int:
-    """Print the frames of a gripper, and draw them; `all`: a line for each gripper that comes along.
+    """Print the frames of a gripper, and draw them; `all` prints one line for each shipped gripper.
 
     Args:
-        gripper: name, YAML of your own, or `all`.
-        picture: PNG to draw the gripper with its frames to; a folder for `all`.
-        boxes: also execute grasps of boxes 20 mm, 50 mm and nine tenths of the largest opening wide.
+        gripper: name of a gripper, your own YAML file, or `all`.
+        picture: PNG file for a drawing of the gripper and its frames; with `all`, a folder.
+        boxes: also execute grasps of three boxes: 20 mm, 50 mm and nine tenths of the largest opening wide.
     """
     from grasptransfer.grasping import list_grippers, load_gripper
     from grasptransfer.grasping.frames_table import draw_frames, frames_table, hand_line

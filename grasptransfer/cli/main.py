@@ -73,7 +73,7 @@ def main(arguments: list[str] | None = None) -> None:
         _print_error(f"needs the package {error.name}. pip install 'grasptransfer[{extra}]'")
         sys.exit(2)
     except KeyboardInterrupt:
-        sys.exit(130)  # as a shell reports it; finished parts of long commands are on disk
+        sys.exit(130)  # Shells report Ctrl-C so; what long commands have finished is on disk.
     sys.exit(code)
 
 
@@ -81,8 +81,8 @@ def _parsed(arguments: list[str]) -> Callable[[], int]:
     """The command with its settings, ready to run.
 
     Raises:
-        GraspTransferError: settings that refuse their values.
-        SystemExit: help was asked for, or flags are wrong; what there is to say has been printed.
+        GraspTransferError: the settings refuse a value.
+        SystemExit: help was asked for, or flags are wrong; help or error has been printed.
     """
     commands, program = COMMANDS, "grasptransfer"
     if arguments and arguments[0] in GROUPS:
@@ -128,7 +128,7 @@ def _print_error(text: str) -> None:
 
 
 def _extra_with(package: str) -> str | None:
-    """The extra of this distribution that installs the package; None if it is none of theirs."""
+    """The extra of this distribution that installs the package; None if no extra does."""
     for requirement in requires("grasptransfer") or []:
         found = re.match(r"([\w.-]+).*\bextra == ['\"](\w+)['\"]", requirement)
         if found and found[1] == package and found[2] not in ("dev", "test"):

@@ -14,9 +14,9 @@ console = Console(markup=False)
 
 
 def train(config: TrainingConfig, place: TrainingPlace) -> int:
-    """Render training pictures and train networks; started again, it goes on where it stopped.
+    """Render training pictures and train networks; the same command resumes a run that was stopped.
 
-    Started again with more steps or members, a finished run is prolonged.
+    With more steps or members, the command prolongs a finished run.
     """
     from grasptransfer.workshop.training.train import train as run
 

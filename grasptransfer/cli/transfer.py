@@ -17,7 +17,7 @@ def demo(*, out: Path = Path("demo_out"), seed: int = 0) -> int:
 
     Args:
         out: folder for report.html, grasps.yaml and reconstruction.glb.
-        seed: of everything random.
+        seed: seed of everything random.
     """
     from grasptransfer.report.demo import run_demo
 

@@ -14,10 +14,10 @@ In: a function of a module and the arguments of each piece. Out: the pieces as t
 | `Record` | finished pieces in a file of JSON lines, from which a killed run goes on |
 | `single_blas_thread`, `cores` | the one policy of threads inside a process |
 
-No process outlives the one that started it, however that ends: Ctrl-C and SIGTERM end the workers in order,
-and after `kill -9` the kernel does it (`worker.py`). What is written is written whole (`files.write_whole`),
-so that a piece is either done or not begun, and doing it again gives the same bytes. In a record or a folder
-a piece is named by all that it depends on (`files.content_key`).
+No worker outlives the process that started it: Ctrl-C and SIGTERM end the workers in order, and after
+`kill -9` the kernel ends them (`worker.py`). Results are written whole (`files.write_whole`), so that a piece
+is either done or not begun, and doing it again gives the same bytes. The name of a piece in a record or a
+folder is a key made from everything that the piece depends on (`files.content_key`).
 """
 
 from grasptransfer.jobs.cluster import run_on_cluster

@@ -11,14 +11,16 @@ CONNECT_TIME = 20  # s
 def run_on_cluster(
     task: Callable, pieces: Sequence[tuple], address: str, *, shared: tuple = ()
 ) -> Iterator[Ended]:
-    """`task(*shared, *piece)` for every piece, each given out as soon as it has ended.
+    """Yield `task(*shared, *piece)` for every piece, as soon as it has ended.
 
     Args:
-        address: of a Dask scheduler, such as `tcp://10.0.0.1:8786`; its workers need this package.
-        shared: first arguments, sent to each machine once.
+        task: a function of a module, so that other processes can import it.
+        pieces: arguments of each piece.
+        address: address of a Dask scheduler, such as `tcp://10.0.0.1:8786`; its workers need this package.
+        shared: first arguments of every call, sent to each machine once.
 
     Raises:
-        SettingsError: Dask is not installed, or nobody answers at the address.
+        SettingsError: Dask is not installed, or no scheduler answers at the address.
     """
     try:
         from distributed import Client, as_completed
@@ -34,7 +36,7 @@ def run_on_cluster(
         ) from error
     with client:
         given = [client.scatter(one, broadcast=True, hash=False) for one in shared]
-        # Not pure: the same piece may be asked for again after a crash.
+        # The task is called impure, because the same piece may be asked for again after a crash.
         futures = {client.submit(task, *given, *piece, pure=False): i for i, piece in enumerate(pieces)}
         for future in as_completed(list(futures), loop=client.loop):
             if future.status == "finished":

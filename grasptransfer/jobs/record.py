@@ -13,10 +13,10 @@ LOG = logging.getLogger(__name__)
 class Record:
     """A file of JSON objects, one a line; several processes may append to it at once.
 
-    A context manager; without a path it remembers nothing.
+    The record is a context manager. Without a path it keeps nothing.
 
     Args:
-        path: of the file; folders above it are made with the first line.
+        path: path of the file; folders above it are made with the first line.
     """
 
     def __init__(self, path: str | Path | None):
@@ -32,10 +32,10 @@ class Record:
             self._file = None
 
     def lines(self) -> list[dict]:
-        """All that is in the file; half a line, of a killed run, is left out with a warning.
+        """All objects in the file; a line that a killed run cut off is left out with a warning.
 
         Raises:
-            SettingsError: the file cannot be read, or holds something else.
+            SettingsError: the file cannot be read, or is no record.
         """
         if self.path is None or not self.path.exists():
             return []

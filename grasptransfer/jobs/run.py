@@ -25,7 +25,7 @@ from grasptransfer.errors import GraspTransferError
 from grasptransfer.jobs.threads import cores, limited
 from grasptransfer.jobs.worker import BEGUN, ERROR
 
-START_TIME = 120.0  # s for a process to import what it needs, on a busy machine
+START_TIME = 120.0  # s: on a busy machine a process takes this long to import its packages.
 ATTEMPTS = 3
 
 
@@ -38,9 +38,9 @@ class Ended:
     """A piece that has ended.
 
     Args:
-        index: of the piece among all.
+        index: number of the piece.
         value: what the function returned.
-        error: what it raised, or `LostError`; None where it returned.
+        error: the exception that the function raised, or `LostError`; None if the function returned.
     """
 
     index: int
@@ -48,21 +48,21 @@ class Ended:
     error: Exception | None = None
 
     def result(self) -> Any:
-        """The value; raises the error where there is one."""
+        """Return the value, or raise the error if there is one."""
         if self.error is not None:
             raise self.error
         return self.value
 
 
 class Workers:
-    """Processes that compute pieces of work, and end with the block; a context manager.
+    """A context manager of processes that compute pieces of work, and that end with the block.
 
-    Ctrl-C and SIGTERM end them, too. They start when there is work.
+    Ctrl-C and SIGTERM end the processes, too. They start when there is work.
 
     Args:
-        count: of the processes; 0 computes in this one, where errors are raised at once.
+        count: number of processes; 0 computes in the calling process, where errors are raised at once.
         shared: first arguments of every function, sent to each process once.
-        threads: of each process; None shares this process's cores among them.
+        threads: threads of each process; None shares the cores of the calling process among them.
     """
 
     def __init__(self, count: int, *, shared: tuple = (), threads: int | None = None):
@@ -91,13 +91,13 @@ class Workers:
         limit: float | None = None,
         attempts: int = ATTEMPTS,
     ) -> Iterator[Ended]:
-        """`task(*shared, *piece)` for every piece, each given out as soon as it has ended.
+        """Yield `task(*shared, *piece)` for every piece, as soon as it has ended.
 
         Args:
             task: a function of a module, so that other processes can import it.
             pieces: arguments of each piece.
-            limit: most seconds for one piece; None: any time.
-            attempts: how often a piece is begun whose process ends before it.
+            limit: most seconds for one piece; None sets no limit.
+            attempts: how often a piece is tried whose process crashes, is killed or hangs.
         """
         if self.count == 0:
             for index, piece in enumerate(pieces):
@@ -122,7 +122,7 @@ class Workers:
                     yield ended
 
     def _idle(self, wanted: int) -> list["_Worker"]:
-        """At most so many workers without a piece; all that are missing start before any is spoken to."""
+        """At most `wanted` workers without a piece; missing ones start together, to load at the same time."""
         idle = [worker for worker in self._workers if worker.index is None]
         missing = min(self.count - len(self._workers), wanted - len(idle))
         if missing > 0:
@@ -133,7 +133,7 @@ class Workers:
         return idle[:wanted]
 
     def _answering(self) -> list["_Worker"]:
-        """Workers that have said something, have ended, or have used up their time."""
+        """Workers that have sent a message, have ended, or have used up their time."""
         busy = [worker for worker in self._workers if worker.index is not None]
         ready = wait([worker.connection for worker in busy], timeout=1.0)
         now = time.monotonic()
@@ -150,9 +150,14 @@ def run(
     limit: float | None = None,
     attempts: int = ATTEMPTS,
 ) -> Iterator[Ended]:
-    """`task(*shared, *piece)` for every piece, in processes that end with the last one.
+    """Yield `task(*shared, *piece)` for every piece, from processes that end with the last piece.
 
-    Whoever leaves the loop early ends them. Arguments as of `Workers` and `Workers.run`.
+    A caller who leaves the loop early ends the processes.
+
+    Args:
+        task, pieces, limit, attempts: as for `Workers.run`.
+        workers: number of processes, as `count` of `Workers`.
+        shared, threads: as for `Workers`.
     """
     with Workers(min(workers, len(pieces)), shared=shared, threads=threads) as team:
         yield from team.run(task, pieces, limit=limit, attempts=attempts)
@@ -163,14 +168,14 @@ def run_fresh(task: Callable, *arguments: object, threads: int | None = None) ->
 
     Raises:
         LostError: the process ended before it had an answer.
-        Whatever the task raises.
+        Exception: whatever the task raises.
     """
     (ended,) = run(task, [arguments], workers=1, threads=threads, attempts=1)
     return ended.result()
 
 
 class _Worker:
-    """One process and the piece it is at."""
+    """One process and the piece that it computes."""
 
     def __init__(self, threads: int, shared: bytes):
         ours, theirs = socket.socketpair()
@@ -179,23 +184,22 @@ class _Worker:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "grasptransfer.jobs.worker", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
-                stdin=subprocess.PIPE,  # never written to: it closes when this process ends
+                stdin=subprocess.PIPE,  # Nothing is written to it: it closes when this process ends.
                 stdout=subprocess.DEVNULL,
                 env=os.environ | limited(threads) | {"PYTHONPATH": path},
             )
         self.connection = Connection(ours.detach())
-        self.index: int | None = None  # of its piece
+        self.index: int | None = None  # The number of the piece at work.
         self.limit: float | None = None
         self.deadline = 0.0
         self.gone = False
         self._shared: bytes | None = shared
 
     def give(self, index: int, message: bytes, limit: float | None) -> None:
-        """Hand it a piece, and before its first one what all share."""
+        """Send the process a piece; its first piece comes after the shared arguments."""
         self.index, self.limit = index, limit
-        with contextlib.suppress(
-            BrokenPipeError, ConnectionResetError
-        ):  # it has ended: the next read says so
+        # A process that has ended is noticed by the next read.
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             if self._shared is not None:
                 self.connection.send_bytes(self._shared)
                 self._shared = None
@@ -203,7 +207,7 @@ class _Worker:
         self.deadline = time.monotonic() + START_TIME
 
     def answer(self) -> Ended | None:
-        """What came of its piece; None where it has only just begun."""
+        """The ended piece; None if the process has only said that it begins the piece."""
         assert self.index is not None
         index = self.index
         if not self.connection.poll():
@@ -228,7 +232,7 @@ class _Worker:
         return Ended(index, error=LostError(f"the process of this piece {what} (exit code {code})"))
 
     def end(self) -> int:
-        """Close the connections to a process that was killed; its exit code."""
+        """Close the connections to a process that was killed, and return its exit code."""
         self.connection.close()
         assert self.process.stdin is not None
         self.process.stdin.close()
@@ -236,7 +240,7 @@ class _Worker:
 
 
 class _InWorker(Exception):
-    """Where in the other process an error was raised."""
+    """The traceback of an error in the other process."""
 
     def __str__(self) -> str:
         return "\n" + self.args[0]
@@ -244,14 +248,14 @@ class _InWorker(Exception):
 
 @contextlib.contextmanager
 def _ending_on_sigterm() -> Iterator[None]:
-    """In the block SIGTERM ends this process as Ctrl-C does: with all that waits to be put in order."""
+    """Let SIGTERM end this process within the block as Ctrl-C does, so that `finally` clauses run."""
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
-        yield  # whoever runs us has plans of their own
+        yield  # The caller's own handler, or the main thread's, stays in charge.
         return
 
     def end(number, _):
-        sys.exit(128 + number)  # as a shell reports it
+        sys.exit(128 + number)  # Shells report a process that a signal ended so.
 
     signal.signal(signal.SIGTERM, end)
     try:

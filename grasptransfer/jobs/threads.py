@@ -27,12 +27,12 @@ def cores() -> int:
 
 
 def limited(threads: int) -> dict[str, str]:
-    """Environment of a process that uses at most so many threads; limits below that stay as they are."""
+    """Environment of a process that uses at most so many threads; lower limits stay as they are."""
     return {name: str(min(threads, _number(name) or threads)) for name in LIMITS}
 
 
 def _number(name: str) -> int | None:
-    """A limit of the environment; None where it says nothing that is understood."""
+    """A limit from the environment; None if it is missing or not a number."""
     text = os.environ.get(name, "").split(",")[0].strip()
     return int(text) if text.isdecimal() and int(text) > 0 else None
 

@@ -1,4 +1,4 @@
-"""The closed bodies of a surface, told apart where they touch, share corners or are there twice.
+"""The closed bodies of a surface, separated where they touch, share corners or are there twice.
 
 A body whose faces share the corners of a part of the file is closed by itself. The other faces (texture
 seams, triangle soups, touching bodies whose corners were merged) are joined by position: around an edge that
@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-SAME_ANGLE = 1e-6  # rad between faces that lie on one another
+SAME_ANGLE = 1e-6  # rad: faces at a smaller angle lie on one another.
 
 Surface = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices and faces
 
@@ -26,7 +26,7 @@ class Bodies:
 
     Args:
         closed: the closed bodies, in the order of their first faces; each edge belongs to two faces.
-        left: the faces that belong to no closed body; None: there are none.
+        left: the faces that belong to no closed body; None if there are none.
     """
 
     closed: tuple[Surface, ...]
@@ -36,14 +36,14 @@ class Bodies:
 def split_bodies(
     positions: Float[np.ndarray, "v 3"], joined: Int[np.ndarray, "f 3"], written: Int[np.ndarray, "f 3"]
 ) -> Bodies:
-    """Tell the closed bodies of a surface apart; bodies and faces that are there twice count once.
+    """Separate the closed bodies of a surface; bodies and faces that are there twice count once.
 
     Args:
-        positions: every place where there is a corner, once.
-        joined: faces by position, counter-clockwise from outside.
-        written: the same faces by the corners of the file, of which several may be in one place.
+        positions: every position at which there is a corner, once [m].
+        joined: faces as indices of positions, counter-clockwise from outside.
+        written: the same faces as indices of the file's corners, of which several may share a position.
     """
-    thick = (joined != np.roll(joined, 1, axis=1)).all(1)  # a face of two corners has no area
+    thick = (joined != np.roll(joined, 1, axis=1)).all(1)  # A face of two corners has no area.
     if not thick.any():
         return Bodies((), None)
     part = _labels(written[thick], int(written.max()) + 1)[written[thick][:, 0]]
@@ -71,14 +71,16 @@ def _by_angle(
         return [], np.zeros(0, np.int64)
     corners = positions[faces]
     if np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0:
-        bodies, open_ = _by_angle(positions, faces[:, ::-1])  # inside out: solid is on the other side
+        bodies, open_ = _by_angle(
+            positions, faces[:, ::-1]
+        )  # The surface is inside out: its solid is on the other side.
         return [(first, (vertices, body[:, ::-1])) for first, (vertices, body) in bodies], open_
     pairs = _pairs(positions, faces)
     body_of = _labels(pairs // 3, len(faces))
     lone = np.ones(3 * len(faces), bool)
     lone[pairs.ravel()] = False
     is_open = np.bincount(body_of, lone.reshape(-1, 3).sum(1)) > 0
-    # Corners that no pair holds together are different ones, although they are in one place.
+    # Corners that no pair of half-edges connects are different corners, although they share a position.
     start, end = pairs, pairs - pairs % 3 + (pairs + 1) % 3
     same = np.concatenate([np.stack([start[:, 0], end[:, 1]], 1), np.stack([end[:, 0], start[:, 1]], 1)])
     corner_of = _labels(same, 3 * len(faces)).reshape(-1, 3)
@@ -93,7 +95,7 @@ def _by_angle(
 
 
 def _pairs(positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "p 2"]:
-    """Half-edges that belong together, one of each direction; those without partner are left out."""
+    """Pairs of opposite half-edges that belong together; half-edges without partner are left out."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     edge = np.minimum(start, end) * len(positions) + np.maximum(start, end)
     order = np.argsort(edge, kind="stable")
@@ -127,13 +129,13 @@ def _pairs_around(
     away = positions[faces[face, (side + 2) % 3]] - low
     away -= np.outer(away @ axis, axis)
     if not np.linalg.norm(away, axis=1).all():
-        return none  # a face without area has no angle
+        return none  # A face without area has no angle.
     across = away[0] / np.linalg.norm(away[0])
     angle = np.arctan2(away @ np.cross(axis, across), away @ across) % (2 * np.pi)
     angle[angle > 2 * np.pi - SAME_ANGLE] = 0.0
     steps = np.diff(np.sort(angle)) > SAME_ANGLE
     rank = np.concatenate([[0], np.cumsum(steps)])[np.argsort(np.argsort(angle, kind="stable"))]
-    # Where one body ends and the next begins at the same angle, the first is closed first.
+    # Where one body ends and the next begins at the same angle, the first one is closed first.
     order = np.lexsort((~forward, rank))
     depth = np.cumsum(np.where(forward[order], -1, 1))
     order = np.roll(order, -int(depth.argmin()) - 1)
@@ -149,9 +151,10 @@ def _pairs_around(
 def _closed_parts(
     faces: Int[np.ndarray, "f 3"], part: Int[np.ndarray, "f"], corners: int
 ) -> tuple[Bool[np.ndarray, "f"], Int[np.ndarray, "f"]]:
-    """Which faces belong to a part in which every half-edge has one partner, and their body by edges.
+    """Which faces belong to a part in which every half-edge has one partner, and the body of each such face.
 
-    Bodies that share a single corner are one part of the file, and yet two bodies.
+    A body is what shared edges connect: bodies that share a single corner are one part of the file, but two
+    bodies.
     """
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     own = np.repeat(part.astype(np.int64), 3) * corners
@@ -166,7 +169,7 @@ def _closed_parts(
 
 
 def _labels(linked: Int[np.ndarray, "n k"], count: int) -> Int[np.ndarray, "c"]:
-    """A number for each of `count` things, the same for those that a row of `linked` holds together."""
+    """A label for each of `count` elements; elements that share a row of `linked` have the same label."""
     one = np.repeat(linked[:, 0], linked.shape[1] - 1)
     other = linked[:, 1:].ravel()
     links = coo_array((np.ones(len(one), bool), (one, other)), shape=(count, count))
@@ -186,16 +189,16 @@ def _turned(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]:
 
 
 def _firsts(rows: Int[np.ndarray, "n k"]) -> Int[np.ndarray, "m"]:
-    """Indices of the rows that are not there before, in their order."""
+    """Indices of the first occurrence of each row, in their order."""
     return np.sort(np.unique(rows, axis=0, return_index=True)[1])
 
 
 def _content(faces: Int[np.ndarray, "f 3"]) -> bytes:
-    """The same for the same faces in another order."""
+    """A key that is the same for the same faces in another order."""
     return np.unique(_turned(faces), axis=0).tobytes()
 
 
 def _compact(positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Surface:
-    """Only the corners that the faces use."""
+    """The surface with only those corners that its faces use."""
     used, local = np.unique(faces, return_inverse=True)
     return positions[used], local.reshape(-1, 3).astype(np.int64)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     import trimesh
 
 LOG = logging.getLogger(__name__)
-VERSION = 3  # of the cached files: raise it when the parts of the same mesh change
-LARGEST_OBJECT = 2.0  # m; beyond it a mesh is in millimetres
+VERSION = 3  # Raise it when the parts of the same mesh change: cached files of other versions are ignored.
+LARGEST_OBJECT = 2.0  # m: a larger mesh is in millimetres.
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,12 @@ class DecompositionSettings:
 
     Args:
         concavity: CoACD's threshold, a share of the piece's half extent: 2 mm on a mug.
-        simplification: how far the surface may move before it is decomposed [m].
+        simplification: how far simplification may move the surface before the decomposition [m].
         convex_excess: a piece whose hull is larger by less than this share is convex.
         part_vertices: most vertices of a part.
-        iterations, depth, nodes, resolution: of CoACD's search; its own defaults take ten times as long.
-        seed: of CoACD's search.
+        iterations, depth, nodes, resolution: effort of CoACD's search; CoACD's defaults take ten times as
+            long.
+        seed: seed of CoACD's search.
     """
 
     concavity: float = 0.04
@@ -63,10 +64,11 @@ class Decomposition:
 
     Args:
         parts: vertices (v, 3) of each convex part, the mesh's frame [m].
-        volume: of the solid, m3.
-        centre_of_mass: (3,) the mesh's frame [m].
-        inertia: (3, 3) about the centre of mass, for a density of 1 kg/m3.
-        watertight: whether volume and moments are the surface's own; otherwise they are those of the parts.
+        volume: volume of the solid [m3].
+        centre_of_mass: (3,) position in the mesh's frame [m].
+        inertia: (3, 3) inertia about the centre of mass for a density of 1 kg/m3 [kg m2].
+        watertight: whether volume and inertia are those of the surface; otherwise they are those of the
+            parts.
     """
 
     parts: tuple[Float[np.ndarray, "_ 3"], ...] = field(repr=False)
@@ -77,7 +79,7 @@ class Decomposition:
 
 
 def cache_folder() -> Path:
-    """Where decompositions are kept: `$GRASPTRANSFER_CACHE`, else the user's cache folder."""
+    """The folder of cached decompositions: `$GRASPTRANSFER_CACHE`, or the user's cache folder."""
     chosen = os.environ.get("GRASPTRANSFER_CACHE")
     if chosen:
         return Path(chosen)

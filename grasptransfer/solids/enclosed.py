@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     import manifold3d
     import trimesh
 
-SMALLEST_PART = 1e-10  # m3, a cube of half a millimetre: what remains of a cut
+SMALLEST_PART = 1e-10  # m3, a cube of half a millimetre: smaller parts are left over from cuts.
 
 
 def united(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh | None":
-    """The outer surface of bodies that touch, overlap or are there twice; None where faces enclose nothing.
+    """The outer surface of bodies that touch, overlap or are there twice; None if the faces enclose nothing.
 
     Args:
-        mesh: corners that are in one place may be several.
+        mesh: the surface [m]; several corners may share a position.
     """
     import trimesh
 
@@ -33,11 +33,11 @@ def united(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh | None":
 def solids_of(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> "tuple[list[manifold3d.Manifold], Surface | None]":
-    """The closed bodies of a surface, cavities cut out, and what belongs to none of them.
+    """The closed bodies of a surface with their cavities cut out, and the faces that belong to no body.
 
     Args:
-        vertices: [m]; corners that are in one place may be several.
-        faces: counter-clockwise from outside.
+        vertices: corners of the surface [m]; several may share a position.
+        faces: corners of each face, counter-clockwise from outside.
     """
     import trimesh
 
@@ -51,15 +51,15 @@ def solids_of(
 
 
 def _with_cavities(surfaces: "list[manifold3d.Manifold]") -> "list[manifold3d.Manifold]":
-    """Solids of closed surfaces; one that is turned inwards bounds a cavity, or is just inside out."""
+    """Solids of closed surfaces; a surface that is turned inwards bounds a cavity, or is just inside out."""
     solids = [surface for surface in surfaces if surface.volume() > SMALLEST_PART]
     inverted = [_reversed(surface) for surface in surfaces if surface.volume() < -SMALLEST_PART]
-    if not solids:  # the whole mesh is inside out
+    if not solids:  # The whole mesh is inside out.
         return inverted
     for hole in inverted:
         if any(_same(hole, solid) for solid in solids):
-            continue  # two-sided: the same faces once from outside and once from inside
-        # A surface turned inwards bounds a cavity if something is around it, and else is just inside out.
+            continue  # The surface is two-sided: its faces are there once outwards and once inwards.
+        # A surface turned inwards bounds a cavity if a solid surrounds it; otherwise it is just inside out.
         around = [i for i, solid in enumerate(solids) if (hole - solid).volume() < 0.5 * hole.volume()]
         if not around:
             solids.append(hole)
@@ -93,7 +93,7 @@ def _reversed(solid: "manifold3d.Manifold") -> "manifold3d.Manifold":
 
 
 def union_of(solids: "list[manifold3d.Manifold]") -> "manifold3d.Manifold":
-    """All of them as one solid."""
+    """The union of all solids."""
     import manifold3d
 
     return manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)

@@ -22,6 +22,6 @@ def calibration(settings: CalibrationSettings, results: ResumedResults, write: b
     """Whether a grasp's score is its chance to hold; prints the ranking's weights that make it so.
 
     Args:
-        write: the fitted weights into objects/models/ranking.yaml, with this command and the date.
+        write: write the fitted weights into objects/models/ranking.yaml, with this command and the date.
     """
     return run(partial(run_calibration, settings, **results.how(), write=write), results)

@@ -21,7 +21,7 @@ def registration(settings: RegistrationSettings, results: ResumedResults, maps: 
     """Errors of rgb, cls, cpd, rigid, similarity and true offsets on the same views (the paper's table I).
 
     Args:
-        maps: PNG for predicted and true deformations of one instance a category (the paper's figure 7).
+        maps: PNG file for predicted and true deformations, one instance a category (the paper's figure 7).
     """
     code = run(partial(run_registration_benchmark, settings, **results.how()), results)
     if maps is not None:

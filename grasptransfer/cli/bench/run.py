@@ -24,7 +24,7 @@ class Results:
         json: file for the results.
 
     Raises:
-        SettingsError: it could not be written after hours of work.
+        SettingsError: the file could not be written; better now than after hours of work.
     """
 
     json: Path
@@ -57,15 +57,15 @@ class ResumedResults(Results):
         check_counts(self, "workers")
 
     def how(self) -> dict[str, Any]:
-        """What a benchmark that resumes is told of it."""
+        """The arguments that a benchmark takes so that it can resume."""
         return {"workers": self.workers, "ledger": self.ledger}
 
 
 def run(benchmark: Callable[..., dict], results: Results) -> int:
-    """Run it, write its document and print its rows and summary; the exit code.
+    """Run a benchmark, write its document, print its rows and summary, and return the exit code.
 
     Args:
-        benchmark: takes `progress`, which is told how many of how many are done, and gives the document.
+        benchmark: takes `progress`, which it calls with (instances done, in all), and returns the document.
         results: where the document goes.
 
     Raises:
@@ -75,12 +75,13 @@ def run(benchmark: Callable[..., dict], results: Results) -> int:
     from grasptransfer.workshop.benchmark.tables import rows_table
 
     with progress_bar(console) as progress:
-        task = progress.add_task("instances", total=None, visible=False)  # not before the settings are taken
+        # The bar stays hidden until the benchmark has accepted its settings.
+        task = progress.add_task("instances", total=None, visible=False)
 
-        def tell(done: int, total: int):
+        def show(done: int, total: int):
             progress.update(task, completed=done, total=total, visible=True)
 
-        result = benchmark(progress=tell)
+        result = benchmark(progress=show)
     write_document(result, results.json)
     results.ledger.unlink(missing_ok=True)
     rows = rows_table(result)
