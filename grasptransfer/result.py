@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import trimesh
 
+from grasptransfer.errors import SettingsError
+
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from grasptransfer.perception.observation import Observation
     from grasptransfer.perception.pose_prior import PoseDeviation
     from grasptransfer.registration import DeformationField
+    from grasptransfer.waypoints import Waypoints
 
 
 @dataclass(frozen=True)
@@ -30,12 +33,16 @@ class TransferredGrasp:
         score: expected success in [0, 1], over the shapes and the poses near the given one that the picture
             leaves possible, times the chance that it shows the category at all.
         camera_from_object: (4, 4) pose of the instance [m].
+        gripper: that executes it.
+        world_from_camera: (4, 4) where the camera stands [m], or None where it was not given.
     """
 
     warped: WarpedGrasp
     check: GraspCheck
     score: float
     camera_from_object: Float[np.ndarray, "4 4"]
+    gripper: Gripper
+    world_from_camera: Float[np.ndarray, "4 4"] | None = None
 
     @property
     def name(self) -> str:
@@ -61,6 +68,47 @@ class TransferredGrasp:
     def camera_from_gripper(self) -> Float[np.ndarray, "4 4"]:
         """(4, 4) TCP in the camera frame [m]."""
         return self.camera_from_object @ self.warped.object_from_gripper
+
+    @property
+    def world_from_gripper(self) -> Float[np.ndarray, "4 4"]:
+        """(4, 4) TCP in the world frame [m].
+
+        Raises:
+            SettingsError: `world_from_camera` was not given.
+        """
+        if self.world_from_camera is None:
+            raise SettingsError("was not given", key="world_from_camera", fix="Pass it to transfer_grasps")
+        return self.world_from_camera @ self.camera_from_gripper
+
+    def waypoints(self) -> Waypoints:
+        """Pre-grasp, grasp and lift of the TCP, in the world where it is known, else in the camera's frame.
+
+        The lift goes up the world's z axis, or, in the camera's frame, up the object's.
+        """
+        from grasptransfer.waypoints import waypoints
+
+        if self.world_from_camera is None:
+            frame, pose, up = "camera", self.camera_from_gripper, self.camera_from_object[:3, 2]
+        else:
+            frame, pose, up = "world", self.world_from_gripper, np.array([0.0, 0.0, 1.0])
+        return waypoints(
+            frame,
+            pose,
+            up,
+            approach_distance=self.approach_distance,
+            opening=self.opening,
+            width=self.width,
+        )
+
+    def to_moveit(self, *, frame_id: str | None = None) -> dict:
+        """The grasp in the layout of `moveit_msgs/Grasp`; `grasp_pose` is that of the gripper's base link.
+
+        Args:
+            frame_id: name in the robot's tf tree of the frame of `waypoints`; None: "world" or "camera".
+        """
+        from grasptransfer.waypoints import moveit_grasp
+
+        return moveit_grasp(self.name, self.score, self.waypoints(), self.gripper, frame_id=frame_id)
 
     @property
     def width(self) -> float:

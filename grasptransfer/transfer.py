@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from grasptransfer.category import Category, load_category
 from grasptransfer.errors import CategoryError, NotSucceeded, SceneError, check_seed
+from grasptransfer.frames import check_rigid
 from grasptransfer.grasping import (
     CollisionWorld,
     GraspCheck,
@@ -65,6 +66,7 @@ class GraspTransfer:
     Args:
         category: name, folder or loaded `Category`.
         gripper: name, YAML path or loaded `Gripper`.
+        grasps: a grasp file for this category in place of its own, or None.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         refine_pose: fit the pose together with the shape, where the estimator can; without, every pose is
             taken as exact.
@@ -81,6 +83,7 @@ class GraspTransfer:
         category: str | Path | Category,
         *,
         gripper: str | Path | Gripper = "panda",
+        grasps: str | Path | None = None,
         estimator: str | Estimator = "rgb",
         refine_pose: bool = True,
         device: str = "auto",
@@ -90,7 +93,9 @@ class GraspTransfer:
         check_seed(seed)
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
-        self.grasps = expand_symmetry(load_grasps(_grasp_file(self.category), category=self.category))
+        self.grasps = expand_symmetry(
+            load_grasps(_grasp_file(self.category) if grasps is None else grasps, category=self.category)
+        )
         settings = EstimatorSettings(refine_pose, device, precision)
         self.estimator = make_estimator(estimator, self.category, settings)
         self.seed = seed
@@ -106,6 +111,7 @@ class GraspTransfer:
         depth=None,
         scene=None,
         pose_sigma=None,
+        world_from_camera=None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`.
@@ -119,10 +125,12 @@ class GraspTransfer:
             image, pose, camera=camera, box=box, mask=mask, depth=depth, pose_sigma=pose_sigma
         )
         scene = _checked_scene(scene)
+        if world_from_camera is not None:
+            world_from_camera = check_rigid(world_from_camera, "world_from_camera")
         clock = time.perf_counter()
         estimate = self.estimator(observation)
         estimated = time.perf_counter()
-        result = self.grasp(observation, estimate, scene=scene)
+        result = self.grasp(observation, estimate, scene=scene, world_from_camera=world_from_camera)
         spent = {"shape": estimated - clock, "grasps": time.perf_counter() - estimated}
         result = replace(result, timings=result.timings | spent | {"total": sum(spent.values())})
         if strict:
@@ -130,9 +138,19 @@ class GraspTransfer:
         return result
 
     def grasp(
-        self, observation: Observation, estimate: ShapeEstimate, *, scene: Scene | None = None
+        self,
+        observation: Observation,
+        estimate: ShapeEstimate,
+        *,
+        scene: Scene | None = None,
+        world_from_camera: Float[np.ndarray, "4 4"] | None = None,
     ) -> TransferResult:
-        """Warp, refine, check, place and rank the grasps on an estimated shape."""
+        """Warp, refine, check, place and rank the grasps on an estimated shape.
+
+        Args:
+            scene: obstacles and a support plane, camera frame.
+            world_from_camera: where the camera stands [m]; the grasps then have a pose in the world, too.
+        """
         with single_blas_thread():
             reached = self.reach(estimate, scene=scene)
             start, pose = time.perf_counter(), estimate.camera_from_object
@@ -142,7 +160,7 @@ class GraspTransfer:
         checks = doubt_unlikely(reached.checks, scores, trust=trust)
         timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
         grasps = [
-            TransferredGrasp(warped, check, score, pose)
+            TransferredGrasp(warped, check, score, pose, self.gripper, world_from_camera)
             for warped, check, score in zip(reached.grasps, checks, scores, strict=True)
         ]
         return TransferResult(
@@ -207,6 +225,7 @@ def transfer_grasps(
     *,
     camera=None,
     gripper: str | Path | Gripper = "panda",
+    grasps: str | Path | None = None,
     box=None,
     mask=None,
     depth=None,
@@ -214,6 +233,7 @@ def transfer_grasps(
     estimator: str | Estimator = "rgb",
     pose_sigma=None,
     refine_pose: bool = True,
+    world_from_camera=None,
     device: str = "auto",
     precision: str = "auto",
     seed: int = 0,
@@ -230,6 +250,7 @@ def transfer_grasps(
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for 60 degrees horizontal field
             of view.
         gripper: name, YAML path or loaded `Gripper`.
+        grasps: a grasp file for this category in place of its own, or None.
         box: (u0, v0, u1, v1) around the object [px], as a detector gives it, or None.
         mask: bool (h, w) of what is seen of the object, taken as it is, or None; a box is taken here, too.
         depth: (h, w) metres, 0 = missing; for the estimators that use depth.
@@ -239,6 +260,8 @@ def transfer_grasps(
             exact; (translation [m], rotation [deg]), standard deviations along and about each axis; or a
             (6, 6) covariance, turn [rad] about the object's origin, then shift [m], along camera axes.
         refine_pose: fit the pose together with the shape; without, the pose is taken as exact.
+        world_from_camera: (4, 4) where the camera stands [m], or None; with it every grasp has
+            `world_from_gripper`.
         device: "auto", "cpu" or "cuda".
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
@@ -247,26 +270,11 @@ def transfer_grasps(
     Raises:
         GraspTransferError: wrong input; one sentence with the argument, the value and the choices.
     """
-    flow = GraspTransfer(
-        category,
-        gripper=gripper,
-        estimator=estimator,
-        refine_pose=refine_pose,
-        device=device,
-        precision=precision,
-        seed=seed,
-    )
-    return flow.transfer(
-        image,
-        pose,
-        camera=camera,
-        box=box,
-        mask=mask,
-        depth=depth,
-        scene=scene,
-        pose_sigma=pose_sigma,
-        strict=strict,
-    )
+    made = {"gripper": gripper, "grasps": grasps, "estimator": estimator, "refine_pose": refine_pose}
+    flow = GraspTransfer(category, **made, device=device, precision=precision, seed=seed)
+    seen = {"camera": camera, "box": box, "mask": mask, "depth": depth, "scene": scene}
+    known = {"pose_sigma": pose_sigma, "world_from_camera": world_from_camera}
+    return flow.transfer(image, pose, **seen, **known, strict=strict)
 
 
 def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:

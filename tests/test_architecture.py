@@ -30,6 +30,7 @@ ROOMS = [
     {"grasping"},
     {"category_check"},
     {"simulation"},
+    {"waypoints"},
     {"result"},
     {"transfer"},
     {"options"},

@@ -10,7 +10,7 @@ from rich.console import Console
 from grasptransfer.category import load_category
 from grasptransfer.cli.bench.run import Results, run
 from grasptransfer.errors import SettingsError
-from grasptransfer.grasping import CheckStatus, Grasp, GraspCheck, on_canonical
+from grasptransfer.grasping import CheckStatus, Grasp, GraspCheck, load_gripper, on_canonical
 from grasptransfer.result import TransferredGrasp
 from grasptransfer.workshop.benchmark.grasp import GraspSettings, Outcome, _row, _summary, run_grasp_benchmark
 from grasptransfer.workshop.benchmark.seen_instances import Instance
@@ -20,7 +20,7 @@ from grasptransfer.workshop.benchmark.tables import rows_table
 def grasp(name, status):
     still = np.eye(4)
     warped = on_canonical([Grasp(name, "", still, 0.02)])[0]
-    return TransferredGrasp(warped, GraspCheck(status, "", 0.04), 0.9, still)
+    return TransferredGrasp(warped, GraspCheck(status, "", 0.04), 0.9, still, load_gripper("panda"))
 
 
 @pytest.fixture(scope="module")

@@ -118,6 +118,7 @@ def _grasp_data(grasp: "TransferredGrasp") -> dict:
         "approach_distance": round(float(grasp.approach_distance), 5),
         "object_from_gripper": _rows(grasp.object_from_gripper),
         "camera_from_gripper": _rows(grasp.camera_from_gripper),
+        **_in_world(grasp),
         "contacts": None if grasp.contacts is None else _rows(grasp.contacts),
     }
 
@@ -141,6 +142,11 @@ def _deviation(sigma: "PoseDeviation | None") -> dict[str, float] | None:
         return None
     names = {"along_ray": sigma.along_ray, "across_ray": sigma.across_ray, "turn_degrees": sigma.turn}
     return {name: round(value, 6) for name, value in names.items()}
+
+
+def _in_world(grasp: "TransferredGrasp") -> dict:
+    known = grasp.world_from_camera is not None
+    return {"world_from_gripper": _rows(grasp.world_from_gripper)} if known else {}
 
 
 def _numbers(values) -> list[float]:

@@ -71,6 +71,7 @@ class TransferSettings:
         camera: YAML with fx fy cx cy width height; also camera_info, calibrations, 3x3 text; without it the
             photograph's EXIF data count, else 60 degrees are assumed.
         gripper: name, or YAML of your own.
+        grasps: grasp file for this category in place of its own, as the annotator writes it.
         scene: YAML with obstacles and a support plane.
         mask: picture that is white on the object.
         box: u0 v0 u1 v1 around the object [px], as any detector gives it.
@@ -89,6 +90,7 @@ class TransferSettings:
     out: Path
     camera: Path | None = None
     gripper: str = "panda"
+    grasps: Path | None = None
     scene: Path | None = None
     mask: Path | None = None
     box: tuple[float, float, float, float] | None = None
@@ -132,6 +134,7 @@ def run_transfer(settings: TransferSettings) -> TransferOutcome:
     flow = GraspTransfer(
         settings.category,
         gripper=settings.gripper,
+        grasps=settings.grasps,
         estimator=settings.estimator,
         refine_pose=settings.refine_pose,
         device=settings.device,

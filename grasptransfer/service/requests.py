@@ -8,7 +8,7 @@
 | camera | [fx, fy, cx, cy] [px], or (3, 3) intrinsics; none: 60 degrees horizontal field of view |
 | box, mask, depth | as of `transfer_grasps`; mask and depth as arrays |
 | scene | `obstacles`: name -> (box, or vertices and faces; camera_from_obstacle); `support_plane` |
-| estimator, pose_sigma, refine_pose, seed | as of `transfer_grasps` |
+| estimator, pose_sigma, refine_pose, world_from_camera, seed | as of `transfer_grasps` |
 | mesh | true: the answer also holds vertices and faces of the reconstruction |
 
 An array is a mapping `{dtype, shape, data}`, or nested lists.
@@ -41,6 +41,7 @@ OPTIONAL = (
     "estimator",
     "pose_sigma",
     "refine_pose",
+    "world_from_camera",
     "seed",
     "mesh",
 )

@@ -81,7 +81,7 @@ class Service:
         image = requests.picture(request["image"])
         arrays = {
             key: requests.array(request[key], key)
-            for key in ("box", "mask", "depth")
+            for key in ("box", "mask", "depth", "world_from_camera")
             if request.get(key) is not None
         }
         height, width = image.shape[:2]
@@ -101,6 +101,7 @@ class Service:
             depth=arrays.get("depth"),
             scene=requests.scene_of(request.get("scene")),
             pose_sigma=request.get("pose_sigma"),
+            world_from_camera=arrays.get("world_from_camera"),
         )
         return {"ok": True, **_result(result, mesh=bool(request.get("mesh")))}
 
