@@ -79,7 +79,7 @@ def test_doubt_of_the_height_asks_for_room_before_the_palm():
 
 def test_no_place_inside_an_obstacle_is_taken():
     wall = trimesh.creation.box(extents=(0.2, 0.02, 0.06))
-    beside = Scene((("wall", wall, rigid(np.eye(3), np.array([0.0, 0.06, 0.07]))),))
+    beside = Scene((("wall", wall, rigid(np.eye(3), np.array([0.0, 0.061, 0.07]))),))
     grasps, checks, *_ = placed(at(0.1), scene=beside)
     assert checks[0].usable
     blocked = check_grasps(at(0.092), CollisionWorld(BEAM, beside), PANDA)[0]

@@ -70,7 +70,6 @@ def test_a_larger_mask_makes_the_model_grow_to_it():
         few,
         DisplacementModel(np.zeros((20, 3)), basis[:20]),
         camera=CAMERA,
-        told_pose=POSE,
         start_pose=POSE,
         pose_prior=None,
         outline=Outline(silhouette, points, DisplacementModel(np.zeros_like(points), basis)),
