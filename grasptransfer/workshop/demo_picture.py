@@ -2,8 +2,8 @@
 
     python -m grasptransfer.workshop.demo_picture
 
-writes it again into `objects/mug/demo`: `picture.png`, `camera.yaml`, `pose.yaml` (as a pose estimator
-would tell it, a little off) and `truth.yaml` (which mug it is, and where it really stands).
+writes it again into `objects/mug/demo`: `picture.png`, `camera.yaml`, `pose.yaml` (a little wrong, as from a
+pose estimator) and `truth.yaml` (which mug it is, and where it really stands).
 """
 
 import io
@@ -44,9 +44,9 @@ class Clutter:
     """Something else on the table.
 
     Args:
-        category, seed: of the parametric shape.
-        place: of its middle on the table: to the right of the mug, and behind it [m].
-        degrees: turned about the vertical.
+        category, seed: category and seed of the parametric shape.
+        place: position of its middle on the table: to the right of the mug, and behind it [m].
+        degrees: turn about the vertical.
     """
 
     category: str
@@ -78,14 +78,14 @@ def write_demo_picture(folder: Path | None = None) -> Path:
     Image.fromarray(picture).save(buffer, "PNG", optimize=True)
     write_whole(folder / "picture.png", buffer.getvalue())
     write_whole(folder / "camera.yaml", _camera_text().encode())
-    write_whole(folder / "pose.yaml", _pose_text(told_pose(pose)).encode())
+    write_whole(folder / "pose.yaml", _pose_text(given_pose(pose)).encode())
     truth = f"# What the picture shows, to measure against.\ninstance: {INSTANCE}\n"
     write_whole(folder / "truth.yaml", (truth + _pose_text(pose)).encode())
     return folder
 
 
-def told_pose(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
-    """The pose as an estimator of ordinary quality would tell it."""
+def given_pose(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
+    """The pose as an estimator of ordinary quality would predict it."""
     turn = Rotation.from_rotvec(np.deg2rad(POSE_ERROR_DEGREES)).as_matrix()
     return rigid(turn @ camera_from_object[:3, :3], camera_from_object[:3, 3] + POSE_ERROR_M)
 

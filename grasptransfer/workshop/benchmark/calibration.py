@@ -46,19 +46,21 @@ from grasptransfer.workshop.benchmark.seen_instances import (
 )
 from grasptransfer.workshop.training.scenes import NO_NOISE, PoseNoise
 
-MOST_GRASPS = 8  # executed of one picture
-FIRST_SEED = 78_000_000  # of the shapes: far from those of train and test instances
+MOST_GRASPS = 8  # At most so many grasps of one picture are executed.
+FIRST_SEED = 78_000_000  # Seeds of the random shapes, far from those of train and test instances.
 BINS = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)
-RIDGE = 0.02  # holds weights that few grasps speak of near the given ones
+RIDGE = 0.02  # Keeps weights for which few grasps are evidence near the present ones.
 
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """What is measured; every other view has the pose error: one set of weights serves exact and wrong poses.
+    """What is measured.
+
+    Every other view has a pose error, because one set of weights serves exact and wrong poses.
 
     Args:
-        objects: random shapes of each category.
-        seed: of lights, backgrounds, pose errors and trials.
+        objects: number of random shapes of each category.
+        seed: seed of lights, backgrounds, pose errors and trials.
     """
 
     categories: Categories = ()
@@ -77,7 +79,7 @@ class CalibrationSettings:
 
 @dataclass(frozen=True)
 class Executed:
-    """Features of one executed grasp in each draw, and whether it held."""
+    """Features of one executed grasp in each drawn sample of the estimate, and whether the grasp held."""
 
     features: Features
     held: bool
@@ -129,7 +131,7 @@ def run_calibration(
 
 
 def fit_weights(executed: list[Executed]) -> Weights:
-    """Weights of the ranking that make what was executed most likely."""
+    """The ranking's weights under which the observed outcomes are most likely."""
     from scipy.optimize import minimize
 
     start = Ranking.fitted().weights
@@ -145,7 +147,7 @@ def fit_weights(executed: list[Executed]) -> Weights:
 
 
 def reliability(scores: list[tuple[float, bool]], name: str) -> list[dict]:
-    """What share held among the grasps of each range of scores."""
+    """The share of held grasps in each range of scores."""
     values, held = np.array([score for score, _ in scores]), np.array([held for _, held in scores])
     rows = []
     for low, high in itertools.pairwise(BINS):

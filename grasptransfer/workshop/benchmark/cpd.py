@@ -1,7 +1,8 @@
-"""Speed, memory and error of CPD against its peers: the same clouds, one run, taking turns.
+"""Speed, memory and error of CPD against its peers: on the same clouds, in one run, taking turns.
 
-All get the same normalised clouds, beta, lambda, no outliers and a forced number of iterations. What
-a peer would take too long for is extrapolated from its first iterations, and its row says so.
+All implementations get the same normalised clouds, beta, lambda, no outliers and a forced number of
+iterations. The time of a peer that is too slow is extrapolated from its first iterations, and its row says
+so.
 """
 
 import importlib.util
@@ -36,13 +37,13 @@ class CpdSettings:
     """What `run_cpd_benchmark` does.
 
     Args:
-        sizes: points of each cloud.
-        iterations: forced.
+        sizes: numbers of points of the clouds.
+        iterations: number of iterations that every implementation is forced to do.
         beta: kernel width, normalised units.
         lam: lambda.
-        longest: a peer that would take more seconds than this is extrapolated.
-        largest_peer: no peer beyond this size: they need several arrays of all pairs.
-        seed: of the clouds.
+        longest: the time of a peer that would take more seconds than this is extrapolated.
+        largest_peer: peers are left out beyond this size, because they need several arrays of all pairs.
+        seed: seed of the clouds.
     """
 
     sizes: tuple[int, ...] = (500, 1000, 2000, 4000, 8000)
@@ -84,7 +85,8 @@ def run_cpd_benchmark(settings: CpdSettings, *, progress: Callable[[int, int], N
     """Compare our CPD with each installed peer.
 
     Args:
-        progress: told how many sizes are done, of how many.
+        settings: what is measured.
+        progress: called with (sizes done, in all).
     """
     seed = settings.seed
     peers = [peer for peer in PEERS if importlib.util.find_spec(peer)]

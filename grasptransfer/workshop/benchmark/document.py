@@ -38,7 +38,7 @@ def processor_name() -> str:
 
 
 def write_document(result: dict, path: Path):
-    """Write it whole or not at all; NaN becomes null."""
+    """Write a document whole or not at all; NaN becomes null."""
     write_whole(path, json.dumps(plain(result), indent=1).encode())
 
 

@@ -1,9 +1,9 @@
 """`bench engines`: the same grasps in each physics engine, and how often the verdicts agree.
 
-The grasps are the annotated ones, moved by the true field to unseen instances, refined and placed as a
-transfer does it: the best of each symmetry family is executed on the true mesh, with the same errors in each
-engine. An engine is judged by another, not by the world: where they agree, a verdict does not hang on how
-contacts are computed.
+The true field moves the annotated grasps to unseen instances, and they are refined and placed as in a
+transfer. The best grasp of each symmetry family is executed on the true mesh, with the same errors in each
+engine. The engines are compared with each other, not with the world: where they agree, a verdict does not
+depend on how contacts are computed.
 """
 
 from collections import Counter
@@ -40,9 +40,9 @@ class EngineSettings:
     """What is measured.
 
     Args:
-        engines: names; none given: all that are installed.
+        engines: names of the engines; by default all that are installed.
         trials: perturbed trials of each grasp; 1 executes it exactly.
-        seed: of the perturbations.
+        seed: seed of the perturbations.
     """
 
     categories: Categories = ()

@@ -21,7 +21,7 @@ class ShapeError:
 
     Args:
         E: mean squared distance from each true point to the nearest reconstructed point [1e-6 m^2].
-        rms_mm: its root [mm].
+        rms_mm: square root of that mean [mm].
         chamfer_mm: mean distance from truth to reconstruction and back, averaged [mm].
     """
 
@@ -64,7 +64,7 @@ class TrueSurface:
     """The true outer surface, to compare many reconstructions with.
 
     Args:
-        points: (m, 3) of it, object frame [m].
+        points: (m, 3) points of the surface, object frame [m].
     """
 
     def __init__(self, points: Float[np.ndarray, "m 3"]):

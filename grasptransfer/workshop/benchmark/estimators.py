@@ -40,7 +40,7 @@ class TrueOffsetsEstimator:
 
 @dataclass(frozen=True)
 class TrueFieldEstimator:
-    """The whole true field at the told pose: what a perfect estimator would give the grasps."""
+    """The whole true field at the given pose: what a perfect estimator would give the grasps."""
 
     instance: Instance
 
@@ -68,11 +68,11 @@ OF_DEPTH = tuple(name for name, spec in ESTIMATORS.items() if spec.needs_depth)
 
 @dataclass
 class EstimatorSet:
-    """Makes estimators by name; all instances of a category share those that do not know the truth.
+    """Makes estimators by name; all instances of a category share the estimators that do not know the truth.
 
     Args:
-        refine_pose: let those refine the pose that can.
-        weights: file for `rgb`; None takes the shipped ones.
+        refine_pose: let the estimators that can refine the pose do so.
+        weights: weight file for `rgb`; None takes the shipped ones.
         registry: `OF_SHAPES` or `OF_GRASPS`.
     """
 

@@ -1,12 +1,12 @@
-"""Which poses a benchmark gives its methods, and how sure it says that they are.
+"""Which poses a benchmark gives its methods, and which uncertainty it states with them.
 
-| `--told` | pose | said of it |
+| `--told` | given pose | stated uncertainty |
 | --- | --- | --- |
-| exact | the true one | that it is exact |
+| exact | the true one | zero |
 | estimator | with errors as real estimators make them (`perception/pose_prior.py`) | nothing |
 | wide | wrong by up to 5 cm on each axis and 10 degrees | nothing |
 
-`--pose-sigma` says something else of the same poses: `unsaid`, or numbers as the command `transfer` takes.
+`--pose-sigma` states another uncertainty with the same poses: `unsaid`, or numbers as `transfer` takes them.
 """
 
 from dataclasses import dataclass
@@ -30,8 +30,8 @@ class GivenPoses:
     """Draws given poses around true ones.
 
     Args:
-        told: one of `REGIMES`.
-        pose_sigma: what is said of them, as of `transfer_grasps`.
+        told: one of `REGIMES`, or the name of a set of poses on file.
+        pose_sigma: stated uncertainty of the poses, as for `transfer_grasps`.
     """
 
     told: str = ESTIMATOR
@@ -39,16 +39,16 @@ class GivenPoses:
 
     @classmethod
     def of(cls, told: str, said: tuple[str, ...] = (), *, names: tuple[str, ...] = ()) -> "GivenPoses":
-        """From the command line.
+        """Given poses from the options of the command line.
 
         Args:
             told: one of `REGIMES` or of `names`.
-            said: nothing, what the regime says; `UNSAID`; or one number or two.
-            names: of sets of poses on file.
+            said: stated uncertainty: `UNSAID`, one number or two; if empty, what the regime states.
+            names: names of the sets of poses on file.
 
         Raises:
             SettingsError: an unknown regime.
-            PoseError: what is said is no uncertainty.
+            PoseError: `said` is no uncertainty.
         """
         if told not in (*REGIMES, *names):
             raise SettingsError("unknown poses", key="told", value=told, choices=(*REGIMES, *names))

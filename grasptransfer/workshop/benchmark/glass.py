@@ -43,8 +43,8 @@ class GlassSettings:
         categories: names; instances without see-through parts are left out.
         seed: of lights, backgrounds, pose errors, walls and the sensor.
         sensor: the depth camera.
-        gate: leave out depth that cannot be the object's, too far from the given position: what a careful
-            user of CPD and CLS does. rgbd has to see for itself.
+        gate: leave out depth that is too far from the given position to be the object's, as a careful user of
+            CPD and CLS does. The method rgbd has to reject such depth by itself.
     """
 
     categories: tuple[str, ...] = ("bottle", "spray_bottle")
@@ -143,31 +143,31 @@ def measure_glass(settings: GlassSettings, category: str, name: str) -> dict:
 
 def sense(sight: Sight, settings: GlassSettings, view: int) -> Observation:
     """The observation with the depth that the sensor reports before a wall."""
-    told = sight.observation
-    assert told.depth is not None
+    given = sight.observation
+    assert given.depth is not None
     rng = np.random.default_rng([settings.seed, 11, view])
     centre = sight.pose[2, 3]
-    nearest = float(told.depth[told.depth > 0].min())
+    nearest = float(given.depth[given.depth > 0].min())
     # The way through a round object is about twice that from its front to its middle.
-    path = np.where(told.depth > 0, 2 * np.clip(centre - told.depth, 0, centre - nearest), 0.0)
+    path = np.where(given.depth > 0, 2 * np.clip(centre - given.depth, 0, centre - nearest), 0.0)
     wall = wall_behind(
-        told.camera,
+        given.camera,
         2 * centre - nearest + rng.uniform(*WALL),
         tilt=rng.uniform(0, 0.5),
         turn=rng.uniform(0, 2 * np.pi),
     )
     depth = settings.sensor.measure(
-        told.depth, sight.coverage.astype(float), wall, camera=told.camera, rng=rng, path=path
+        given.depth, sight.coverage.astype(float), wall, camera=given.camera, rng=rng, path=path
     )
-    return replace(told, depth=depth)
+    return replace(given, depth=depth)
 
 
 def _gated(sensed: Observation, category: Category) -> Observation:
-    """Without depth farther from the object's position than any instance reaches."""
-    reach = GATE * float(np.linalg.norm(category.canonical.extents)) / 2
+    """The observation without depth that is farther from the given position than an instance can be large."""
+    farthest = GATE * float(np.linalg.norm(category.canonical.extents)) / 2
     assert sensed.depth is not None
     away = np.abs(sensed.depth - sensed.camera_from_object[2, 3])
-    return replace(sensed, depth=np.where(away < reach, sensed.depth, 0.0))
+    return replace(sensed, depth=np.where(away < farthest, sensed.depth, 0.0))
 
 
 def _cases(
@@ -210,7 +210,7 @@ def summarise_glass(rows: list[dict]) -> dict:
     for case in cases:
         summary[f"E_{case}_mean"] = float(np.mean([row[case]["mean"] for row in rows]))
         summary[f"E_{case}_std_mean"] = float(np.mean([row[case]["std"] for row in rows]))
-        # The same where the estimated pose puts it: differs where the told pose was wrong.
+        # The same error with the shape at its estimated pose: it differs where the given pose was wrong.
         summary[f"E_{case}_placed_mean"] = float(np.mean([row[case]["placed_mean"] for row in rows]))
         failed = sum(row[case]["failed"] for row in rows)
         if failed:

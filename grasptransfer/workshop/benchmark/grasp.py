@@ -81,7 +81,7 @@ def run_grasp_benchmark(
 ) -> dict:
     """Success of the annotated grasps under every estimator, as the contract's JSON document.
 
-    Of a symmetry family the best-ranked member is executed: it is what a robot would do.
+    The best-ranked member of each symmetry family is executed, as a robot would do.
 
     Args:
         workers: processes.
@@ -153,7 +153,7 @@ class Outcome:
 
     @property
     def usable_held(self) -> list[bool]:
-        """Of those called usable."""
+        """Whether each grasp that was called usable held."""
         return [held for grasp, held in zip(self.grasps, self.held, strict=True) if grasp.usable]
 
 

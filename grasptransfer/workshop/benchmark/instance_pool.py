@@ -36,7 +36,7 @@ def measure_instances(
         found: category and name of each instance.
         workers: processes; 1 measures in this one.
         ledger: JSON lines of finished rows, read first, appended to; rows of other settings do not count.
-        progress: is told how many of how many are done.
+        progress: called with (instances done, in all).
 
     Raises:
         SettingsError: no instances, or no workers.
@@ -63,9 +63,9 @@ def measure_instances(
 
 
 def _digest(measure: Measure, settings: Any) -> str:
-    """Changes with all that a row could change with: settings, categories, gripper, weights and versions.
+    """A digest of all that decides a row: settings, categories, gripper, weights and versions.
 
-    A path among the settings, as of a folder of meshes, counts with what it holds.
+    A path among the settings, such as a folder of meshes, counts by its content.
     """
     from grasptransfer.category import load_category
     from grasptransfer.grasping import load_gripper
@@ -93,9 +93,9 @@ def _weights(settings: Any) -> list[Path]:
     from grasptransfer.grasping.success_model import ranking_path
     from grasptransfer.perception.weights import find_weights, trained_categories
 
-    told = getattr(settings, "weights", None)
-    if told is not None:
-        return [told]
+    given = getattr(settings, "weights", None)
+    if given is not None:
+        return [given]
     names = set(settings.categories) & set(trained_categories())
     found = {find_weights(load_category(name)) for name in names}
     return sorted(found | {path.with_suffix(".yaml") for path in found} | {ranking_path()})

@@ -1,8 +1,8 @@
 """Errors of estimates of one instance, its truth being known.
 
-E compares shapes in the object's own frame, whatever pose was told. CPD knows no pose: its field also
-takes up the told pose's error, so its result is put back into the object's frame through the true pose.
-`placed` is E where the robot would find the object: the told or refined pose counts as well.
+E compares shapes in the object's own frame, whatever pose was given. CPD does not estimate a pose: its field
+also takes up the given pose's error, so its result is put back into the object's frame through the true pose.
+`placed` is E of the shape at the given or refined pose, where the robot would expect the object.
 """
 
 from collections.abc import Callable
@@ -55,16 +55,18 @@ class Judge:
         method: str,
         scores: MethodScores,
     ) -> ShapeEstimate:
-        """The estimator's answer, added to `scores`; none counts as the undeformed canonical model.
+        """Add the errors of the estimator's answer to `scores`; none counts as the undeformed model.
 
         Args:
-            true_pose: (4, 4) `camera_from_object` [m].
+            estimator: the estimator to ask.
+            observation: what the estimator sees.
+            true_pose: (4, 4) true `camera_from_object` [m].
             method: the estimator's name.
-            scores: of the method, or of the case it stands in.
+            scores: scores of the method, or of the case in which it is measured.
         """
         try:
             estimate = estimator(observation)
-        except GraspTransferError:  # too little was measured to answer
+        except GraspTransferError:  # The observation holds too little for an answer.
             estimate = RigidEstimator(self.instance.category)(observation)
             scores.failed += 1
         self.score(estimate, true_pose, method, scores=scores)

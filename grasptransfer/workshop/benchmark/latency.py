@@ -159,9 +159,9 @@ def _transfer_all(settings: LatencySettings, category: str, observations: list[O
     load = time.perf_counter() - begin
 
     def timed(seen: Observation) -> dict[str, float]:
-        told = seen.mask if seen.mask is not None else seen.box
+        given = seen.mask if seen.mask is not None else seen.box
         result = flow.transfer(
-            seen.image, seen.camera_from_object, camera=seen.camera, mask=told, depth=seen.depth
+            seen.image, seen.camera_from_object, camera=seen.camera, mask=given, depth=seen.depth
         )
         return dict(result.timings)
 
@@ -208,7 +208,7 @@ def _busy_process() -> Iterator[None]:
 
 
 def _pictures(settings: LatencySettings, category: str) -> list[Observation]:
-    """Views in turn of all test instances; what uses no depth is told a box alone."""
+    """Views of all test instances in turn; estimators that use no depth are given the object's box alone."""
     from grasptransfer.drawing.rendering import Renderer
     from grasptransfer.drawing.views import VIEWPOINTS
 

@@ -14,22 +14,22 @@ Categories = Annotated[tuple[str, ...], arg(help="names; none given: all that ha
 Meshes = Annotated[
     Path | None, arg(help="folder of <category>/<name>/mesh.*; none: the shipped test instances.")
 ]
-Views = Annotated[int, arg(help="of the 74 viewpoints, spread evenly.")]
-ViewsOfEach = Annotated[int, arg(help="of each object, spread over the 74 viewpoints.")]
+Views = Annotated[int, arg(help="number of viewpoints, spread evenly over the 74.")]
+ViewsOfEach = Annotated[int, arg(help="number of views of each object, spread over the 74 viewpoints.")]
 Methods = Annotated[
     tuple[str, ...], arg(name="estimators", help=f"which of gt (the truth), {', '.join(ESTIMATORS)}.")
 ]
-Weights = Annotated[Path | None, arg(help="file for rgb instead of the shipped ones.")]
-Repeats = Annotated[int, arg(help="of each measurement; their median counts.")]
+Weights = Annotated[Path | None, arg(help="weight file for rgb; none: the shipped one.")]
+Repeats = Annotated[int, arg(help="how often each measurement is repeated; the median counts.")]
 Translation = Annotated[
     float, arg(name="translation", help="half-width of the given pose's uniform error on each axis [m].")
 ]
-# Radians in the settings, degrees in the command.
-Told = Annotated[str, arg(help="poses that are given: exact, estimator or wide; photos: also a set on file.")]
+Told = Annotated[str, arg(help="given poses: exact, estimator or wide; for photos also a set on file.")]
 Said = Annotated[
     tuple[str, ...],
-    arg(help="how sure they are said to be: unsaid, 0, or metres and degrees; default: exact ones are."),
+    arg(help="stated uncertainty of these poses: unsaid, 0, or metres and degrees; default: 0 for exact."),
 ]
+# The settings hold radians; the command takes degrees.
 Rotation = Annotated[
     float,
     PrimitiveConstructorSpec(
@@ -44,5 +44,5 @@ Rotation = Annotated[
 
 
 def name_trained(settings: object) -> None:
-    """Put all categories that have weights where a benchmark's settings name none."""
+    """Fill in all categories that have weights if a benchmark's settings name none."""
     object.__setattr__(settings, "categories", vars(settings)["categories"] or trained_categories())

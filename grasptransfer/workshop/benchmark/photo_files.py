@@ -26,7 +26,7 @@ class _Intrinsics(BaseModel):
 
 
 class Photo(BaseModel):
-    """One entry of `photos.yaml`; paths are relative to its folder, other keys are kept out of the way."""
+    """One entry of `photos.yaml`; paths are relative to its folder, unknown keys are ignored."""
 
     model_config = ConfigDict(extra="ignore")
     image: str
@@ -46,7 +46,7 @@ def read_photos(folder: Path) -> list[Photo]:
     """The entries of `folder/photos.yaml`.
 
     Raises:
-        SettingsError: missing, not YAML, or an entry with a wrong key; names entry and key.
+        SettingsError: the file is missing or not YAML, or an entry has a wrong key; names entry and key.
     """
     path = folder / "photos.yaml"
     try:
@@ -63,10 +63,10 @@ def read_photos(folder: Path) -> list[Photo]:
 
 
 def given_pose(photo: Photo, folder: Path, given: GivenPoses) -> Float[np.ndarray, "4 4"]:
-    """The pose that is given of a photograph: drawn, or of a set on file.
+    """The given pose of a photograph, drawn or from a set on file.
 
     Raises:
-        SettingsError: the set has none of this photograph.
+        SettingsError: the set has no pose of this photograph.
     """
     true_pose = np.array(photo.camera_from_object)
     if given.told in REGIMES:
@@ -86,6 +86,6 @@ def poses_on_file(folder: Path) -> tuple[str, ...]:
 
 @lru_cache(maxsize=2)
 def given_poses_of(folder: Path) -> dict[str, dict[str, dict]]:
-    """Of told_poses.yaml: image -> set -> what it says; empty without one."""
+    """Content of told_poses.yaml: image -> set -> given pose; empty without the file."""
     path = folder / TOLD_POSES
     return read_data(path, error=SettingsError) if path.is_file() else {}

@@ -69,7 +69,7 @@ class PhotoSettings:
 
     @property
     def given(self) -> GivenPoses:
-        """The poses, and what is said of them; `told` may name a set of the folder's told_poses.yaml."""
+        """The given poses and their uncertainty; `told` may name a set of the folder's told_poses.yaml."""
         return GivenPoses.of(self.told, self.pose_sigma, names=poses_on_file(self.photos))
 
 
@@ -102,12 +102,12 @@ def run_photo_benchmark(
 
 
 def _photos_of(settings: PhotoSettings) -> list[Photo]:
-    """Those of the categories; a set on file need not have a pose of every photograph."""
+    """Photographs of the categories; a set on file need not have a pose of every photograph."""
     photos = [photo for photo in read_photos(settings.photos) if photo.category in settings.categories]
-    told = settings.given.told
-    if told in REGIMES:
+    source = settings.given.told
+    if source in REGIMES:
         return photos
-    named = {image for image, sets in given_poses_of(settings.photos).items() if told in sets}
+    named = {image for image, sets in given_poses_of(settings.photos).items() if source in sets}
     return [photo for photo in photos if photo.image in named]
 
 
@@ -162,7 +162,7 @@ def _measure(
     }
     truth = _Truth.of(photo, settings.photos, given, renderer)
     executes = settings.grasps and truth.mesh is not None
-    flow = GraspTransfer(category, estimator=kit["rgb"]) if executes else None  # its estimator is not asked
+    flow = GraspTransfer(category, estimator=kit["rgb"]) if executes else None  # Its estimator is not called.
     for name, observation in _seen_by(kit, given, told_box=settings.told_box).items():
         try:
             estimate = kit[name](observation)
@@ -182,15 +182,15 @@ def _measure(
     return row
 
 
-def _seen_by(names: Iterable[str], told: Observation, *, told_box: bool) -> dict[str, Observation]:
-    """What each estimator sees of the photograph; those are left out that need what it does not have."""
-    picture = replace(told, mask=None, depth=None, box=told.box if told_box else None)
+def _seen_by(names: Iterable[str], given: Observation, *, told_box: bool) -> dict[str, Observation]:
+    """What each estimator sees of the photograph; those that need a missing box or depth are left out."""
+    picture = replace(given, mask=None, depth=None, box=given.box if told_box else None)
     seen = {}
     for name in names:
         spec = ESTIMATORS[name]
-        if (spec.needs_box and told.box is None) or (spec.needs_depth and told.depth is None):
+        if (spec.needs_box and given.box is None) or (spec.needs_depth and given.depth is None):
             continue
-        seen[name] = told if spec.needs_box or spec.needs_depth else picture
+        seen[name] = given if spec.needs_box or spec.needs_depth else picture
     return seen
 
 

@@ -46,7 +46,7 @@ class RefusalSettings:
 def run_refusal_benchmark(
     settings: RefusalSettings, *, progress: Callable[[int, int], None] | None = None
 ) -> dict:
-    """Scores of every estimator on every object; the pose is told, the box is the object's."""
+    """Scores of every estimator on every object, with the true pose and the object's box given."""
     viewpoints = spread_views(settings.views)
     rows: list[dict] = []
     with Renderer() as renderer:
@@ -66,7 +66,7 @@ def run_refusal_benchmark(
 
 
 def summarise(rows: list[dict]) -> dict:
-    """False refusals and false acceptances, and how well the score alone tells own from foreign."""
+    """False refusals and false acceptances, and how well the score separates own objects from others."""
     own = [row for row in rows if row["shown"] == row["category"]]
     other = [row for row in rows if row["shown"] not in (row["category"], RANDOM)]
     random = [row for row in rows if row["shown"] == RANDOM]

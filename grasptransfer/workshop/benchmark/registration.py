@@ -61,7 +61,7 @@ class RegistrationSettings:
 
     @property
     def noise(self) -> PoseNoise:
-        """Of the told pose."""
+        """Error of the given pose."""
         return PoseNoise(self.translation_noise, self.rotation_noise)
 
 
@@ -124,7 +124,7 @@ def run_pose_noise_benchmark(
 
 def _measure(measure, settings: RegistrationSettings, workers: int, ledger, progress) -> list[dict]:
     _check(settings)
-    found = [(name, told) for name in settings.categories for told in instance_names(name, settings.meshes)]
+    found = [(name, one) for name in settings.categories for one in instance_names(name, settings.meshes)]
     return measure_instances(measure, settings, found, workers=workers, ledger=ledger, progress=progress)
 
 

@@ -1,4 +1,4 @@
-"""Instances whose shape is known, and pictures of them: what the benchmarks look at."""
+"""Instances whose shape is known, and pictures of them: the input of the benchmarks."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -123,7 +123,7 @@ def _surface(category: str) -> CanonicalPoints:
 
 
 def viewpoints_of(name: str, views: int) -> list[int]:
-    """Which viewpoints an instance is seen from: all the same, but random shapes each the next ones."""
+    """Viewpoints of an instance: the same for all instances, but for each random shape the next ones."""
     return spread_views(views, start=views * int(name.removeprefix(RANDOM)) if name.startswith(RANDOM) else 0)
 
 

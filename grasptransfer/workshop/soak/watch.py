@@ -1,7 +1,8 @@
 """Damaged files read in a process of their own, which is watched: its time, its memory, what it opens.
 
-A reader of untrusted files may hang or take the whole memory inside a library, where no exception reaches.
-So each file is read in a child process; one that does not answer in time, or dies, is counted and replaced.
+A reader of untrusted files may hang or take the whole memory inside a library, where no exception can stop
+it. So each file is read in a child process. A child that does not answer in time, or dies, is counted and
+replaced.
 """
 
 import contextlib
@@ -88,7 +89,7 @@ class Watched:
         """End the child, if it has not ended by itself; its exit code."""
         code, process = None, self._process
         if process is not None:
-            process.join(0.5)  # One that crashed is given the time to tell its code.
+            process.join(0.5)  # A crashed child is given the time to leave its exit code.
             process.kill()
             process.join()
             code = process.exitcode
@@ -141,7 +142,7 @@ def _attempt(kind: Format, path: Path) -> Try:
         return Try("refused")
     except MemoryError:
         return Try("memory", "".join(traceback.format_exc().splitlines()[-3:]))
-    except Exception as error:  # Whatever it is, it is what this run looks for.
+    except Exception as error:  # Any foreign exception is a fault of the reader, which this run is to find.
         where = traceback.extract_tb(error.__traceback__)[-1]
         return Try("traceback", f"{type(error).__name__}: {error} ({where.filename}:{where.lineno})"[:400])
     return Try("right") if _finite(result) else Try("not finite")

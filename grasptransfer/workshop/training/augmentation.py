@@ -48,7 +48,7 @@ def _stranger(
     category: str,
     rng: np.random.Generator,
 ) -> tuple[UInt8[np.ndarray, "192 256 5"], Float32[np.ndarray, "4"]]:
-    """An object of another category where the object was, and its box if one was told."""
+    """An object of another category at the place of the object, and its box if a box was given."""
     rows, columns = np.nonzero(canonical.any(-1))
     place = box if np.isfinite(box).all() else [columns.min(), rows.min(), columns.max(), rows.max()]
     u0, v0, u1, v1 = (float(value) for value in place)
@@ -64,8 +64,8 @@ def _stranger(
     whole.paste(sprite, (left, top))
     pixels = np.asarray(whole)
     observed = np.dstack([pixels, 255 * (pixels[..., 3] > 127).astype(np.uint8)])
-    told = np.array([left, top, left + size[0], top + size[1]], np.float32)
-    return observed, np.where(np.isfinite(box), told, box)
+    around = np.array([left, top, left + size[0], top + size[1]], np.float32)
+    return observed, np.where(np.isfinite(box), around, box)
 
 
 def _compose(
@@ -105,7 +105,7 @@ def _occlude(picture: Float32[np.ndarray, "h w 3"], mask: Float32[np.ndarray, "h
     cut = sprite[rows.start - v : rows.stop - v, columns.start - u : columns.stop - u]
     cover = cut[..., 3:] / 255
     hidden = mask[rows, columns] * (cover[..., 0] > 0.5)
-    if hidden.sum() > 0.4 * mask.sum():  # an object that is mostly hidden teaches nothing
+    if hidden.sum() > 0.4 * mask.sum():  # An object that is mostly hidden teaches nothing.
         return
     picture[rows, columns] = picture[rows, columns] * (1 - cover) + cut[..., :3] * cover
     mask[rows, columns] -= hidden

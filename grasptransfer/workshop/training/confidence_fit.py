@@ -35,11 +35,12 @@ RIDGE = 1e-3
 
 @dataclass(frozen=True)
 class Seen:
-    """One picture's outcome: what speaks for the category, and how far off the latent is.
+    """The outcome of one picture: the evidence for the category, and the error of the latent.
 
     Args:
         own: whether the object is of the category.
-        errors: (k,) of the latent over its stated deviations, before `overconfidence`; None for strangers.
+        errors: (k,) errors of the latent over its stated deviations, before `overconfidence`; None for
+            strangers.
     """
 
     own: bool
@@ -69,7 +70,7 @@ def fit_confidence(
     seen: list[Seen] = []
     for number, category in enumerate(categories):
         rng = np.random.default_rng([seed, 5, number])
-        for one in _look_at_objects(category, weights, pictures, rng):
+        for one in _assess_objects(category, weights, pictures, rng):
             seen.append(one)
             if progress:
                 progress(len(seen), total)
@@ -93,29 +94,29 @@ def fit_score(seen: list[Seen]) -> Confidence:
 
 
 def fit_overconfidence(seen: list[Seen]) -> float:
-    """How much the squared deviations must grow for 90 % intervals to hold the truth in 90 %."""
+    """The factor on the squared deviations with which 90 % intervals hold the truth in 90 % of the cases."""
     errors = np.concatenate([one.errors for one in seen if one.errors is not None])
     return float(max(np.quantile(np.abs(errors), INTERVAL) / NORMAL_90, 1.0) ** 2)
 
 
-def _look_at_objects(
+def _assess_objects(
     category: Category, weights: Path, pictures: int, rng: np.random.Generator
 ) -> Iterator[Seen]:
     canonical, instances = training_canonical(category), instances_of(category, held_out=True)
     with Renderer() as renderer:
         estimator = RgbEstimator(category, weights=weights, refine_pose=False)
         estimator.confidence = replace(estimator.confidence, overconfidence=1.0)
-        reach = _reach(category.canonical.bounds)
+        least = _radius(category.canonical.bounds)
         for _ in range(pictures):
             shape = draw_training_shape(canonical, instances, rng)
-            estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng, reach))
+            estimate, evidence = estimator.assess(_picture_of(shape.scene, renderer, rng, least))
             assert estimate.latent is not None
             assert estimate.latent_covariance is not None
             known = len(shape.latent)
             deviations = np.sqrt(np.diag(estimate.latent_covariance))[:known]
             yield Seen(True, evidence, (estimate.latent[:known] - shape.latent) / deviations)
         for stranger in _strangers(category.name, pictures, rng):
-            yield Seen(False, estimator.assess(_picture_of(stranger, renderer, rng, reach))[1])
+            yield Seen(False, estimator.assess(_picture_of(stranger, renderer, rng, least))[1])
 
 
 def _strangers(name: str, count: int, rng: np.random.Generator) -> Iterator[trimesh.Scene]:
@@ -128,18 +129,21 @@ def _strangers(name: str, count: int, rng: np.random.Generator) -> Iterator[trim
             yield objects.sample(others[index // 2 % len(others)], int(rng.integers(2**31))).scene()
 
 
-def _reach(bounds) -> float:
-    """How far from the origin the farthest corner of a bounding box may lie [m]."""
+def _radius(bounds) -> float:
+    """Radius of a sphere about the origin that holds the bounding box [m]."""
     return float(np.linalg.norm(np.abs(bounds).max(0)))
 
 
-def _picture_of(scene, renderer: Renderer, rng: np.random.Generator, reach: float) -> Observation:
-    """A random picture with the true pose and no box; sometimes something stands before the object.
+def _picture_of(scene, renderer: Renderer, rng: np.random.Generator, least: float) -> Observation:
+    """A random picture with the true pose and no box; sometimes another object stands before the object.
 
     Args:
-        reach: of the category's model, which has to lie before the camera, too [m].
+        scene: the object, about the origin [m].
+        renderer: draws the picture.
+        rng: where camera, pose, lights and background are drawn from.
+        least: radius of the category's model, which has to lie before the camera, too [m].
     """
-    radius = max(_reach(scene.bounds), reach)
+    radius = max(_radius(scene.bounds), least)
     camera = draw_camera(rng)
     pose = draw_pose(camera, radius, rng)
     picture = renderer.render(scene, camera, pose, lighting=draw_lighting(rng))
@@ -152,7 +156,7 @@ def _picture_of(scene, renderer: Renderer, rng: np.random.Generator, reach: floa
 def _occluded(
     pixels, mask: Bool[np.ndarray, "h w"], camera, pose, radius: float, renderer: Renderer, rng
 ) -> np.ndarray:
-    """The picture with a random object before the object's rim, unless it would hide too much or nothing."""
+    """The picture with an occluder before the object's rim, unless it would hide too much or nothing."""
     thing = draw_random_object(rng)
     nearer = pose.copy()
     nearer[:3, 3] *= 0.75

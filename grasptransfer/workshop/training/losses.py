@@ -9,12 +9,12 @@ from grasptransfer.errors import SettingsError
 from grasptransfer.perception.networks import FLOW_UNIT, OFFSET_UNIT, Prediction
 
 LOSSES = ("likelihood", "paper")
-MASK_WEIGHT = 5.0  # a true outline alone would halve the shape's error
+MASK_WEIGHT = 5.0  # The mask matters for the shape: knowing the true outline would halve the shape's error.
 # Of the errors, that of the offsets, on which the shape rests most, stays the largest term.
 FLOW_WEIGHT, SHAPE_WEIGHT = 0.5, 0.5
 # A likelihood has no lower bound: it may shape the stated scales, and not outweigh the errors.
 LIKELIHOOD_WEIGHT, LATENT_WEIGHT = 0.2, 0.3
-MATCH_WEIGHT = 0.3  # soon solved: 99 % of the held-out objects are told apart
+MATCH_WEIGHT = 0.3  # The task is soon solved: 99 % of the held-out objects are classified correctly.
 
 
 def training_loss(
@@ -31,7 +31,7 @@ def training_loss(
     count = valid.sum().clamp(min=1)
     offset_error = _length(prediction.offset - targets["offset"])
     flow_error = _length(prediction.flow - targets["flow"])
-    match = targets["match"]  # what is no object of the category has neither a shape nor a mask
+    match = targets["match"]  # An object of another category has neither a shape nor a mask to learn.
     mask = functional.binary_cross_entropy_with_logits(
         prediction.mask_logit, targets["mask"], match[:, None, None, None].expand_as(targets["mask"])
     )

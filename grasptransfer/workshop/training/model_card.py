@@ -85,14 +85,14 @@ def _card(
 
 
 def _spread(alone: Sequence[Scores]) -> str:
-    """How far another training may end from the members' mean: two standard deviations, as they show it."""
+    """How far another training may end from the members' mean: two standard deviations of the members."""
     if len(alone) < 2:
         return ""
     parts: list[str] = []
     for key, what, show in MEASURES:
         values = np.array([one[key] for one in alone])
-        reach = 2 * values.std(ddof=1) * np.sqrt(1 + 1 / len(alone))
-        shown = (show.format(number) for number in (values.mean(), max(reach, LEAST_SPREAD * values.mean())))
+        spread = 2 * values.std(ddof=1) * np.sqrt(1 + 1 / len(alone))
+        shown = (show.format(number) for number in (values.mean(), max(spread, LEAST_SPREAD * values.mean())))
         parts.append(f"{what} {' ± '.join(shown)}")
     return (
         "Members differ in their seed alone. A network of another training is expected at: "

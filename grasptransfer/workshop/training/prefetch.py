@@ -15,6 +15,9 @@ def prefetch(
     """`map(make, items)`, in order, computed up to `ahead` items before they are asked for.
 
     Args:
+        make: function that prepares one item.
+        items: what to prepare, in order.
+        ahead: how many prepared items may wait.
         reuse: an item that comes again within this many different ones is made only once.
     """
     made: OrderedDict[Item, Future[Made]] = OrderedDict()

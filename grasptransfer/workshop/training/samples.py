@@ -1,7 +1,7 @@
-"""One training sample: an instance alone, the model as assumed at the told pose, and what the two lack.
+"""One training sample: a picture of an instance, the assumed model at the given pose, and their difference.
 
-Backgrounds, occluders and the camera's faults are added while training (`augmentation.py`),
-so each rendered sample serves many times and never looks the same twice.
+Backgrounds, occluders and the camera's faults are added during training (`augmentation.py`), so that each
+rendered sample serves many times and is never the same twice.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Sample:
 
     observed: UInt8[np.ndarray, "192 256 5"]  # RGB over black, alpha, silhouette
     canonical: UInt8[np.ndarray, "192 256 3"]
-    box: Float32[np.ndarray, "4"]  # told box of the object in the zoomed picture [px]; NaN: none told
+    box: Float32[np.ndarray, "4"]  # The object's given box in the zoomed picture [px]; NaN without one.
     offset: Float16[np.ndarray, "24 32 3"]  # view axes [OFFSET_UNIT]
     flow: Float16[np.ndarray, "24 32 2"]  # [FLOW_UNIT]
     valid: Bool[np.ndarray, "24 32"]
@@ -56,7 +56,7 @@ def render_sample(
     """Render one sample from a random view; None where the canonical falls outside the zoom.
 
     Args:
-        noise: error of the told pose; None draws one of the training mixture.
+        noise: error of the given pose; None draws one from the training mixture.
         category: number of the shape's category among those trained together.
     """
     camera = draw_camera(rng)
@@ -66,16 +66,16 @@ def render_sample(
     assumed = _draw_assumed(shape.latent, rng)
     vertices = canonical.vertices(assumed)
     box = _draw_box(projected_box(shape.vertices, camera, true_pose), rng)
-    told_pose = noise.apply(true_pose, rng)
+    given_pose = noise.apply(true_pose, rng)
     if box is not None and noise is WIDE_NOISE:
-        told_pose = centre_on_box(vertices, camera, told_pose, box)
+        given_pose = centre_on_box(vertices, camera, given_pose, box)
     elif noise is WIDE_NOISE:
-        told_pose = true_pose
-    crop, told_box = zoom_for(projected_box(vertices, camera, told_pose), box)
+        given_pose = true_pose
+    crop, given_box = zoom_for(projected_box(vertices, camera, given_pose), box)
     zoomed = zoom_camera(camera, crop)
     picture = renderer.render(shape.scene, zoomed, true_pose, lighting=draw_lighting(rng))
-    view = view_canonical(canonical.mesh, zoomed, told_pose, vertices=vertices)
-    offset, flow, valid = true_motion(shape, view, zoomed, true_pose=true_pose, told_pose=told_pose)
+    view = view_canonical(canonical.mesh, zoomed, given_pose, vertices=vertices)
+    offset, flow, valid = true_motion(shape, view, zoomed, true_pose=true_pose, given_pose=given_pose)
     if not valid.any() or not picture.mask.any():
         return None
     alpha = np.round(picture.alpha * 255).astype(np.uint8)[..., None]
@@ -85,11 +85,11 @@ def render_sample(
     latent[: canonical.n_modes] = shape.latent - assumed
     mode_size[: canonical.n_modes] = canonical.mode_size / OFFSET_UNIT
     number = np.array(category, np.uint8)
-    return Sample(observed, view.coordinates, told_box, offset, flow, valid, latent, mode_size, number)
+    return Sample(observed, view.coordinates, given_box, offset, flow, valid, latent, mode_size, number)
 
 
 def true_motion(
-    shape: TrainingShape, view: CanonicalView, zoomed: Camera, *, true_pose, told_pose
+    shape: TrainingShape, view: CanonicalView, zoomed: Camera, *, true_pose, given_pose
 ) -> tuple[Float16[np.ndarray, "24 32 3"], Float16[np.ndarray, "24 32 2"], Bool[np.ndarray, "24 32"]]:
     """Offsets, flow and their validity at the network's cells, from exact correspondences."""
     moved, known = shape.move(view.cell_points, view.cell_faces)
@@ -97,17 +97,17 @@ def true_motion(
     cells, size = view.cell_mask, view.cell_mask.shape
     offset, flow = np.zeros((*size, 3), np.float16), np.zeros((*size, 2), np.float16)
     valid = np.zeros(size, bool)
-    offset[cells] = (moved - view.cell_places) @ view_from_object(told_pose).T / OFFSET_UNIT
+    offset[cells] = (moved - view.cell_places) @ view_from_object(given_pose).T / OFFSET_UNIT
     flow[cells] = (seen - view.cell_pixels) / FLOW_UNIT
     valid[cells] = known
     return offset, flow, valid
 
 
 def _draw_assumed(latent: Float[np.ndarray, "k"], rng: np.random.Generator) -> Float[np.ndarray, "k"]:
-    """What is assumed of the latent: nothing, or an earlier estimate of it.
+    """The assumed latent: zero, or an earlier estimate of it.
 
-    An estimate whose error has standard deviation s is drawn back to the prior mean as a posterior mean
-    is: the truth, given the estimate, is expected where the estimate is.
+    An estimate whose error has standard deviation s is drawn towards the prior mean as a posterior mean is,
+    so that the expected truth, given the estimate, is the estimate itself.
     """
     if rng.random() < 0.5:
         return np.zeros(len(latent))
@@ -117,7 +117,7 @@ def _draw_assumed(latent: Float[np.ndarray, "k"], rng: np.random.Generator) -> F
 
 
 def _draw_box(true_box: Box, rng: np.random.Generator) -> Box | None:
-    """What a detector tells: sometimes a loose box, sometimes none."""
+    """The box that a detector would give: sometimes a loose one, sometimes none."""
     if rng.random() < 0.25:
         return None
     u0, v0, u1, v1 = true_box

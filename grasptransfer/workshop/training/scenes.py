@@ -15,7 +15,7 @@ PICTURE = (640, 480)  # px: the virtual camera before the zoom
 
 @dataclass(frozen=True)
 class PoseNoise:
-    """Error of the pose that the network is told.
+    """Error of the pose that the network is given.
 
     Args:
         translation: half-width of the uniform error on each camera axis [m].
@@ -52,8 +52,8 @@ def draw_camera(rng: np.random.Generator) -> Camera:
 def draw_pose(camera: Camera, radius: float, rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
     """A pose whose object of this radius [m] covers a plausible part of the picture.
 
-    Of all, 30 % are the paper's 74 views, 55 % look from about level to steeply down as a robot does, the
-    rest are any.
+    Of all poses, 30 % are the paper's 74 views, and 55 % are seen from about level to steeply above, as a
+    robot sees objects. The rest are arbitrary.
     """
     size = np.exp(rng.uniform(np.log(70), np.log(400)))  # px across
     distance = camera.fx * 2 * radius / size

@@ -95,7 +95,7 @@ def training_canonical(category: Category) -> TrainingCanonical:
 
 @lru_cache(maxsize=8)
 def _canonical(folder: Path, *_checksums: str | None) -> TrainingCanonical:
-    # The checksums tell a category that was built again from what is kept here.
+    # The checksums distinguish a category that was built again from the one in the cache.
     category = load_category(folder)
     parametric = has_generator(category)
     mesh = objects.canonical(category.name).mesh() if parametric else category.canonical
