@@ -68,12 +68,13 @@ def simulate(
         gripper: a name, a YAML file, or a loaded one.
         protocol: a name, or a protocol of your own.
         engine: `pybullet` or `mujoco`; None: PyBullet where it is installed.
-        trials: of each grasp. One trial executes it exactly; several are perturbed.
+        trials: number of trials of each grasp. A single trial executes the grasp exactly; several trials are
+            perturbed.
         perturb: errors added to every trial; None: the protocol's where there are several trials.
-        friction: of pad on object; None: the protocol's.
-        mass: of the object [kg]; None: volume times the protocol's density, within its limits.
-        force: of each pad [N], the gripper's own limit at most; None: the protocol's.
-        seed: of the perturbations.
+        friction: friction of pad on object; None: the protocol's.
+        mass: mass of the object [kg]; None: volume times the protocol's density, within its limits.
+        force: force of each pad [N], the gripper's own limit at most; None: the protocol's.
+        seed: seed of the perturbations.
         workers: processes; one means this process.
         cluster: address of a Dask scheduler, instead of `workers`.
         results_path: JSON lines to append to; trials that are in it already do not run again.

@@ -42,7 +42,7 @@ class Job:
         opening: distance between the pads on the way in [m].
         approach_distance: straight way along +z that ends at the grasp [m].
         conditions: friction, mass and force of this trial.
-        frames_per_second: of the recording; 0: none.
+        frames_per_second: frame rate of the recording; 0: none.
     """
 
     grasp: str

@@ -1,7 +1,7 @@
 """How a grasp is executed, as data: named, versioned, and printed with every number.
 
-A success rate means nothing without its protocol. A published protocol never changes; another number
-in it is another version. Lengths in metres, times in seconds, forces in newtons.
+A success rate means nothing without its protocol. A published protocol never changes: with any other number
+it gets another version. Lengths are in metres, times in seconds, forces in newtons.
 """
 
 import dataclasses
@@ -20,7 +20,8 @@ class Perturbation:
         position: standard deviation of the TCP along each axis [m].
         degrees: standard deviation of a turn about a random axis through the TCP.
         friction: standard deviation of the friction, a share of it; kept within two of them.
-        mass: up to this the object's mass is multiplied or divided, evenly on a logarithmic scale.
+        mass: largest factor by which the object's mass is multiplied or divided, evenly on a logarithmic
+            scale.
     """
 
     position: float = 0.003
@@ -34,13 +35,13 @@ class Protocol:
     """One way to execute a grasp.
 
     Args:
-        name: with its version.
+        name: name with version.
         support: what the object rests on before it is held: `air` (no weight until the fingers have
             closed, and the air so thick that nothing drifts) or `table` (it stands on a plane).
-        time_step: of the physics [s].
-        solver_iterations: of the constraint solver in each step, at most.
+        time_step: time step of the physics [s].
+        solver_iterations: iterations of the constraint solver in each step, at most.
         solver_residual: the squared velocity error at which it stops earlier, m2/s2.
-        density: of the object, kg/m3; its mass is density x volume.
+        density: density of the object, kg/m3; its mass is density x volume.
         mass_limits: the mass is clamped to these, kg: lighter bodies are unstable.
         friction: Coulomb coefficient between pad and object; 0.8 is rubber on glass, glaze or plastic, dry.
             Bullet multiplies two bodies' numbers; the gripper's and the table's are 1, so the object's is
@@ -52,23 +53,23 @@ class Protocol:
         friction_erp: likewise of the creep of two surfaces that stick to each other.
         drive_mass: least mass of a finger link, kg: a drive's inertia, seen through its gear, and what lets
             the solver converge where light fingers squeeze a heavier object.
-        gear_force, gear_erp: of the constraint that couples the fingers.
+        gear_force, gear_erp: force and error reduction of the constraint that couples the fingers.
         approach_step: between checked poses of the approach [m].
         clearance_tolerance: overlap at most this deep is no collision [m].
         finger_speed: each pad's, closing [m/s].
         close_time: most time for closing [s]; a hand that needs longer for its stroke gets what it needs.
-        grip_force: of each pad [N], the gripper's own limit at most; trials elsewhere use 20 to 40 N.
+        grip_force: force of each pad [N], the gripper's own limit at most; trials elsewhere use 20 to 40 N.
         settle_time: still, before the lift and after the last motion [s].
         lift_height, lift_time: [m], [s].
         shake_acceleration: highest, both ways along each axis of the TCP [m/s2]; 0: no shaking.
-        shake_period: of one swing [s].
+        shake_period: period of one swing [s].
         shake_jumps: whether each axis' swing begins where the first one began: the hand is thrown back there,
             16 mm in one step, with all of `hold_force`. So `lift-shake-v1` does, against what it says.
-        turn_degrees, turn_time: about the closing axis, both ways and back.
+        turn_degrees, turn_time: angle and duration of the turn about the closing axis, both ways and back.
         slip, slip_degrees: most the object may move in the gripper [m], degrees.
-        penetration: more overlap than this [m], and the physics is not believed.
+        penetration: with a deeper overlap than this [m] the physics cannot be trusted.
         table_settle_time: the object stands by itself this long first [s].
-        perturbation: of the perturbed trials.
+        perturbation: errors of the perturbed trials.
     """
 
     name: str

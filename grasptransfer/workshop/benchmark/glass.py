@@ -41,7 +41,7 @@ class GlassSettings:
 
     Args:
         categories: names; instances without see-through parts are left out.
-        seed: of lights, backgrounds, pose errors, walls and the sensor.
+        seed: seed of lights, backgrounds, pose errors, walls and the sensor.
         sensor: the depth camera.
         gate: leave out depth that is too far from the given position to be the object's, as a careful user of
             CPD and CLS does. The method rgbd has to reject such depth by itself.

@@ -52,7 +52,7 @@ class GraspSettings:
     Args:
         objects: random shapes of each category instead of the test instances, each seen from the next
             viewpoints; 0: none.
-        seed: of lights, backgrounds, pose errors and trials.
+        seed: seed of lights, backgrounds, pose errors and trials.
     """
 
     categories: Categories = ()
@@ -170,7 +170,7 @@ def execute(
     Args:
         true_pose: `camera_from_object` [m].
         solid: the true object, its own frame [m].
-        seed: of the trials.
+        seed: seed of the trials.
     """
     grasps = best_of_each_family(result.grasps)
     placed = as_executed(grasps, estimated_pose=result.camera_from_object, true_pose=true_pose)

@@ -1,7 +1,7 @@
 """`bench latency`: how long a picture takes, stage by stage; a fresh process's first one apart.
 
 Machines differ, so a fixed load is timed in the same run: float32 convolutions like a network's, on the same
-threads. Their ratio says more of the code than milliseconds do.
+threads. The ratio of the two times describes the code better than milliseconds do.
 """
 
 import resource
@@ -37,7 +37,7 @@ class LatencySettings:
         categories: names, each in a fresh process; none given: all that have weights.
         views: pictures after the first one.
         repeats: how often all pictures are transferred; 100 show whether it slows down or takes more memory.
-        seed: of pictures.
+        seed: seed of the pictures.
     """
 
     categories: Categories = ()
@@ -95,7 +95,7 @@ class Timed:
     Args:
         load: seconds to construct the flow.
         views: seconds of every stage for each picture, `repeats` times over; the first is cold.
-        busy: the same of each picture once more, beside a process that keeps one core busy.
+        busy: seconds of every stage for each picture once more, beside a process that keeps one core busy.
         reference: seconds of the fixed load.
         memory: peak resident size [MiB].
         after_first: seconds that passed after the first picture.
@@ -198,7 +198,7 @@ def reference_seconds(repeats: int = 15) -> float:
 
 @contextmanager
 def _busy_process() -> Iterator[None]:
-    """Within it one other process computes without end."""
+    """Keep another process computing while the block runs."""
     process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
     try:
         yield

@@ -230,7 +230,7 @@ class _Truth:
 
     Args:
         mesh: its own frame [m], or None.
-        surface: of the mesh; None without mesh.
+        surface: surface of the mesh; None without mesh.
         silhouette: (h, w) pixels of its mesh at the given pose; None without mesh.
         visible: (h, w) its visible pixels, where a mask is given; else the silhouette.
     """

@@ -30,7 +30,7 @@ class RefusalSettings:
     Args:
         categories: each one's estimator sees the test instances of all; none given: all that have weights.
         random_objects: objects of no category beside them.
-        seed: of random objects, lights and backgrounds.
+        seed: seed of random objects, lights and backgrounds.
     """
 
     categories: Categories = ()

@@ -41,7 +41,7 @@ class RegistrationSettings:
     """What is measured.
 
     Args:
-        seed: of lights, backgrounds and pose errors.
+        seed: seed of lights, backgrounds and pose errors.
         refine_pose: let rgb, rgbd and cls refine the pose.
     """
 
@@ -70,7 +70,7 @@ class PoseNoiseSettings(RegistrationSettings):
     """The same, with the paper's pose errors by default.
 
     Args:
-        seed: of lights, backgrounds and pose errors.
+        seed: seed of lights, backgrounds and pose errors.
         refine_pose: let rgb, rgbd and cls refine the pose.
     """
 

@@ -15,11 +15,11 @@ class MethodScores:
     """One method on the views of one instance.
 
     Args:
-        errors: of the shape, in the object's frame.
-        placed: of the shape where its pose puts it.
-        correspondence_mm: mean distance of warped canonical points to where they belong.
+        errors: errors of the shape, in the object's frame.
+        placed: errors of the shape at its given or refined pose.
+        correspondence_mm: mean distance of warped canonical points to their true places.
         covered: share of the modes within the 90 % interval.
-        mask_ious: of the predicted mask.
+        mask_ious: IoUs of the predicted mask.
         failed: views without answer.
     """
 
@@ -82,7 +82,7 @@ def _means(rows: list[dict]) -> dict[str, float]:
 
 
 def _ratios(rows: list[dict]) -> dict[str, float | int]:
-    """Of `rgb` to every other method."""
+    """Ratios of `rgb` to every other method."""
     found: dict[str, float | int] = {}
     for other in ("gt", "cpd", "cls", "rigid", "similarity"):
         pairs = [(row["rgb"], row[other]) for row in rows if "rgb" in row and other in row]

@@ -184,7 +184,7 @@ def see_instance(
     Args:
         viewpoint: its index, from 0.
         noise: error of the given pose; `GivenPoses` also say how sure it is.
-        seed: of light, background and pose error, which differ between viewpoints.
+        seed: seed of light, background and pose error, which differ between viewpoints.
     """
     radius = float(np.linalg.norm(np.asarray(instance.solid.bounds), axis=1).max())
     distance = CAMERA.fy * 2 * radius / (FILL * CAMERA.height)

@@ -1,8 +1,8 @@
-"""A closed surface for a cloud that has none: carve away what a ball can reach from outside.
+"""A closed surface for a cloud that has none: carve away the space that a ball can enter from outside.
 
-Of the Delaunay tetrahedra of the points, those are taken away that can be reached from outside through
-triangles wider than the ball; what is left is solid, and its boundary passes through the points
-(Edelsbrunner and Muecke 1994, alpha shapes; here without the cavities, since scans are hollow).
+The Delaunay tetrahedra of the points that a ball can enter from outside, through triangles wider than the
+ball, are removed. The others are solid, and their boundary passes through the points (Edelsbrunner and Muecke
+1994, alpha shapes; here without cavities, since scans are hollow).
 """
 
 import numpy as np
@@ -14,8 +14,11 @@ from scipy.spatial import Delaunay, KDTree, QhullError
 
 from grasptransfer.errors import PointCloudError
 
-FIRST, GROWTH = 0.8, 1.1  # radii of the ball: from this share of the points' spacing, in these steps
-SETTLED = 1.05  # growth of the volume with one such step, once the ball stays outside
+FIRST, GROWTH = (
+    0.8,
+    1.1,
+)  # The ball's radii start at this share of the points' spacing and grow by this factor.
+SETTLED = 1.05  # One such step lets the volume grow by less than this once the ball stays outside.
 
 _OPPOSITE = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # face opposite to each corner
 
@@ -28,7 +31,7 @@ def carved_surface(points: Float[np.ndarray, "m 3"]) -> tuple[trimesh.Trimesh, f
 
     Returns:
         mesh: wound outwards [m].
-        radius: of the ball, which hollows narrower than it escape [m].
+        radius: radius of the ball, which cannot enter narrower hollows [m].
 
     Raises:
         PointCloudError: the points lie in a plane.
@@ -65,7 +68,7 @@ def _circumradii(corners: Float[np.ndarray, "t k 3 3"]) -> Float[np.ndarray, "t 
 
 
 def _boundary(points, delaunay: Delaunay, passable: Bool[np.ndarray, "t 4"]) -> Int[np.ndarray, "f 3"]:
-    """Faces between what a ball reaches from outside and what it does not."""
+    """Faces between the tetrahedra that a ball enters from outside and the others."""
     count = len(delaunay.simplices)
     neighbours = np.where(delaunay.neighbors < 0, count, delaunay.neighbors)  # `count` is the outside
     here = np.repeat(np.arange(count), 4).reshape(-1, 4)

@@ -26,8 +26,8 @@ def category_page(build: CategoryBuild, path: str | Path) -> Path:
     """Write the page of `build` as one self-contained HTML file.
 
     Args:
-        build: of `building.build_category`.
-        path: of the file.
+        build: result of `building.build_category`.
+        path: path of the file.
     """
     path = Path(path)
     trials = _best_trials(build)

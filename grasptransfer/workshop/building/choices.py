@@ -22,8 +22,10 @@ from grasptransfer.workshop.building.tasks import (
 
 MODES = (1, 2, 3, 5, 8, 12, 18, 25)
 FLEXIBILITIES = (0.02, 0.04, 0.08)
-TOLERANCE = 1.02  # of what leaves at most 2 % more than the least: least moved, fewest modes, tightest
-LEFT_OUT = 12  # instances at most, evenly picked, to judge settings by
+# Choices whose error is at most 2 % above the least count as equal: then the least displacement, the fewest
+# modes and the tightest space decide.
+TOLERANCE = 1.02
+LEFT_OUT = 12  # Settings are judged by at most so many instances, evenly picked.
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +33,9 @@ class Canonical:
     """The instance that is the canonical model, as points.
 
     Args:
-        name: of the instance.
-        control_points: (n, 3) that carry every field [m].
-        voxel: edge of the filter that left them [m].
+        name: name of the instance.
+        control_points: (n, 3) points that carry every field [m].
+        voxel: edge of the voxel filter that left the control points [m].
         points: (p, 3) dense ones, to measure by [m].
     """
 
@@ -111,7 +113,7 @@ def register(
     Args:
         instances: by name, as of `tasks.prepare_instance`.
         kernels: every beta with its lambda.
-        outlier_weight: of CPD, in [0, 1).
+        outlier_weight: outlier weight of CPD, in [0, 1).
 
     Returns:
         What `tasks.register_instance` found, by name, beta and lambda.

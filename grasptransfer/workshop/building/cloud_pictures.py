@@ -16,7 +16,7 @@ def scatter(
     """Point clouds in their colours on white, the nearer points larger and on top.
 
     Args:
-        clouds: of each its points [m] about the origin, and its colour (sRGB).
+        clouds: pairs of the points [m] of a cloud about the origin, and its colour (sRGB).
         side: width and height [px].
         extent: what the width of the picture spans [m].
     """

@@ -32,7 +32,7 @@ class LearntCategory:
         canonical: name of the instance that is the canonical model.
         candidates, trials, registrations, explained: as of `CategoryBuild`.
         chosen: settings of the registrations and the shape space.
-        space: of the train instances.
+        space: shape space of the train instances.
         voxel: edge of the filter that left the control points [m].
         weights: (n, 3) of each instance's field, normalised units, by name.
     """

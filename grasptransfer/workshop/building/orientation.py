@@ -16,7 +16,7 @@ class Turn:
     """The turn that brings an instance nearest to the canonical model.
 
     Args:
-        degrees: about z, counter-clockwise seen from above; in (-180, 180].
+        degrees: turn about z, counter-clockwise seen from above; in (-180, 180].
         upside_down: whether it is turned over as well (about x, first).
         given_mm, best_mm: RMS distance to the canonical model as given and turned, at equal size.
     """
@@ -28,7 +28,7 @@ class Turn:
 
     @property
     def warning(self) -> str | None:
-        """What to look at, or None."""
+        """What a person should check, or None."""
         if self.best_mm >= BETTER * self.given_mm or (abs(self.degrees) < 2 * STEP and not self.upside_down):
             return None
         over = "upside down or " if self.upside_down else ""

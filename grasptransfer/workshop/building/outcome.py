@@ -1,4 +1,4 @@
-"""What came of building a category: for people to look at, and for the report."""
+"""The outcome of building a category, for its page and its report."""
 
 from dataclasses import dataclass
 
@@ -15,19 +15,19 @@ class Registration:
     """One instance and how the canonical model was registered to it.
 
     Args:
-        name: of the instance.
+        name: name of the instance.
         test: whether the shape space never saw it.
-        is_cloud: whether it came as a cloud.
-        faces: how many its mesh has.
-        extents: (3,) of its bounding box [m].
+        is_cloud: whether the instance came as a cloud.
+        faces: number of faces of its mesh.
+        extents: (3,) sides of its bounding box [m].
         notes: what was repaired or is worth knowing.
-        turn: the turn that would bring it nearest to the canonical model.
-        points: (m, 3) dense points of it [m].
-        before, after: distances to the canonical model, as it is and deformed.
-        status: of CPD.
-        fitted_error: E of the shape space without it, fitted to its points [m^2].
-        left_out_rms: between its own field and the best of the shape space without it [m]; None for test
-            instances, whose field the space never saw anyhow.
+        turn: the turn that would bring the instance nearest to the canonical model.
+        points: (m, 3) dense points of the instance [m].
+        before, after: distances to the canonical model before and after its deformation.
+        status: status of CPD.
+        fitted_error: E of the shape space learnt without the instance, fitted to its points [m^2].
+        left_out_rms: RMS distance between the instance's own field and the nearest one of the shape space
+            learnt without it [m]; None for test instances, which the space is always learnt without.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Registration:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should look at."""
+        """What a person should check."""
         return (self.turn.warning,) if self.turn.warning else ()
 
 
@@ -55,7 +55,7 @@ class Candidate:
     """An instance that could be the canonical model, registered to all others.
 
     Args:
-        name: of the instance.
+        name: name of the instance.
         chamfer: mean of what is left after registration, over the others [m].
         worst: the largest of them [m].
         moved: RMS displacement that it took, mean over the others [m].
@@ -74,9 +74,9 @@ class Trial:
     """Settings that could be taken, and what shape spaces made with them leave of instances they never saw.
 
     Args:
-        beta, lam: of CPD.
+        beta, lam: settings of CPD.
         modes: learnt by the shape space.
-        flexibility: of the smooth modes beside them; 0 for none.
+        flexibility: flexibility of the smooth modes beside them; 0 for none.
         error: E, mean over the instances left out in turn [m^2].
     """
 
@@ -111,5 +111,5 @@ class CategoryBuild:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should look at, each with the instance's name."""
+        """What a person should check, each with the instance's name."""
         return tuple(f"{one.name} {text}" for one in self.registrations for text in one.warnings)

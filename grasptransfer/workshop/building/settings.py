@@ -13,7 +13,7 @@ from grasptransfer.errors import CategoryError, SettingsError
 from grasptransfer.options import Workers, check_counts
 from grasptransfer.registration import Metric
 
-# Narrower kernels and less smoothness leave less of the instances they register, and more of others.
+# Narrower kernels and less smoothness fit the registered instances better, and unseen instances worse.
 BETAS, LAMBDAS = (1.0, 2.0), (3.0, 10.0)
 
 
@@ -22,7 +22,7 @@ class BuildSettings:
     """What a category is built from, and how its instances are registered and its shape space is learnt.
 
     Args:
-        name: of the category.
+        name: name of the category.
         meshes: folder of NAME.obj or NAME/mesh.obj (glb gltf obj ply stl off pcd xyz), also below train/ and
             test/.
         canonical: instance to take as the canonical model, a name or file; default: the best scored.
@@ -34,13 +34,14 @@ class BuildSettings:
         beta: kernel width of CPD, in units of the canonical cloud's RMS radius; default: of several the one
             whose shape space leaves least of instances it never saw.
         lam: smoothness of CPD; default: chosen likewise.
-        outlier_weight: of CPD, in [0, 1).
-        modes: of the shape space; default: the fewest with nearly the least error of such instances.
-        flexibility: of smooth modes beside the learnt ones, for what few instances cannot show: standard
-            deviation along each axis, in RMS radii; default: chosen likewise.
-        metric: of the principal components: GW, G or W.
-        control_points: about how many.
-        description: of the category, for people.
+        outlier_weight: outlier weight of CPD, in [0, 1).
+        modes: number of modes of the shape space; default: the fewest with nearly the least error of such
+            instances.
+        flexibility: flexibility of smooth modes beside the learnt ones, for what few instances cannot show:
+            standard deviation along each axis, in RMS radii; default: chosen likewise.
+        metric: scalar product of the principal components: GW, G or W.
+        control_points: approximate number of control points.
+        description: description of the category, for people.
         overwrite: replace an existing folder, keeping its grasps.
 
     Raises:
@@ -90,12 +91,12 @@ class BuildSettings:
 
     @property
     def first_beta(self) -> float:
-        """What is given, or the first that is tried."""
+        """The given kernel width, or the first one that is tried."""
         return BETAS[0] if self.beta is None else self.beta
 
     @property
     def first_lam(self) -> float:
-        """What is given, or the first that is tried."""
+        """The given smoothness, or the first one that is tried."""
         return LAMBDAS[0] if self.lam is None else self.lam
 
     def kernels(self) -> list[tuple[float, float]]:

@@ -25,7 +25,7 @@ class Source:
     """One file of the user's.
 
     Args:
-        name: of the instance.
+        name: name of the instance.
         path: the file.
         test: whether it is to stay out of the shape space.
     """
@@ -54,7 +54,7 @@ def find_sources(folder: Path, test: tuple[str, ...] = ()) -> list[Source]:
     """Meshes and clouds of a folder: `NAME.obj` or `NAME/mesh.obj`, also below `train/`, `test/`.
 
     Args:
-        folder: of the user's.
+        folder: folder of the user's files.
         test: names of instances to keep out of the shape space, besides those below `test/`.
 
     Raises:
@@ -118,7 +118,7 @@ def prepare(path: Path, *, scale: float, rotation: Float[np.ndarray, "3 3"]) -> 
     """Read one file; check and repair it; scale, turn and centre it.
 
     Args:
-        path: of a mesh or cloud, ending in one of `ENDINGS`.
+        path: path of a mesh or cloud, ending in one of `ENDINGS`.
         scale: metres in one unit of the file.
         rotation: (3, 3) from the file's axes to the category's.
 

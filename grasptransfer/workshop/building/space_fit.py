@@ -47,7 +47,7 @@ class InstanceFields:
         control_points: (n, 3) of the canonical model [m].
         beta: kernel width, normalised units.
         centre: (3,) of the normaliser [m].
-        scale: of the normaliser [m].
+        scale: scale of the normaliser [m].
     """
 
     weights: Float[np.ndarray, "i n 3"]
@@ -73,7 +73,7 @@ class LeftOut:
     """One instance explained by the shape space of all the others.
 
     Args:
-        space: of the others.
+        space: shape space of the other instances.
         rms: distance between the control points on the instance's own field and on the space's best [m].
     """
 
@@ -84,10 +84,10 @@ class LeftOut:
 def leave_out(
     fields: InstanceFields, index: int, *, n_modes: int, flexibility: float, metric: Metric
 ) -> LeftOut:
-    """Fit a shape space to all instances but one, and explain that one's field by it.
+    """Fit a shape space to all instances but one, and explain the field of this instance by the space.
 
     Args:
-        index: of the one.
+        index: number of the instance that is left out.
         n_modes: learnt from the others.
         flexibility: see `loosened`.
     """
@@ -104,7 +104,7 @@ def fitted_error(
     model: Float[np.ndarray, "p 3"] | None = None,
     measured: Float[np.ndarray, "q 3"] | None = None,
 ) -> float:
-    """E of the shape that the space takes for a cloud of points, of which no field is known (CLS) [m^2].
+    """E of the shape that the space takes when it is fitted to a cloud whose field is unknown (CLS) [m^2].
 
     Args:
         observed: points to fit to [m].

@@ -22,10 +22,12 @@ from grasptransfer.workshop.building.space_fit import (
 from grasptransfer.workshop.building.surface_points import visible_surface, voxel_filter, voxel_for
 from grasptransfer.workshop.building.writing import glb_of
 
-DENSE_POINTS = 4000  # of an instance, to measure distances by
-TARGET_POINTS = 1000  # of an instance, to register to
-COMPARED_POINTS = 250  # of an instance, to choose the canonical by
-FITTED_POINTS = 600  # of an instance, to fit shape spaces to
+# Numbers of points of an instance: to measure distances, to register the canonical model, to choose the
+# canonical model, and to fit shape spaces.
+DENSE_POINTS = 4000
+TARGET_POINTS = 1000
+COMPARED_POINTS = 250
+FITTED_POINTS = 600
 
 
 def prepare_instance(path: str, checksum: str, scale: float, rotation: np.ndarray) -> Arrays:
@@ -133,7 +135,7 @@ def learn(
     """The shape space, and what it leaves of each instance that it did not see.
 
     Args:
-        fields: of the train instances.
+        fields: fields of the train instances.
         modes: learnt; smooth ones come beside them with a flexibility above 0.
         model: dense points of the canonical model [m].
         clouds: (m, 3) dense points of each train instance, then of those the space never sees [m].

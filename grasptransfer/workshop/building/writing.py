@@ -37,14 +37,14 @@ class CategoryContent:
     """All that a category folder holds.
 
     Args:
-        name: of the category.
+        name: name of the category.
         description: for people.
         split: names of the instances, train and test.
         settings: how the shape space was made.
         measured: figures of the build, by name with their unit.
         canonical_glb: glTF 2.0 binary in the category's frame.
         instance_glbs: likewise, by the instance's name.
-        shape_space: of the train instances.
+        shape_space: shape space of the train instances.
         weights: (n, 3) of each instance's field, normalised units, by name.
     """
 

@@ -172,7 +172,7 @@ def label(rng: np.random.Generator, width: int, height: int, *, colour: Colour |
 
     Args:
         width, height: pixels, at the aspect ratio the label has in metres.
-        colour: of the paper; drawn if None.
+        colour: colour of the paper; drawn if None.
     """
     paper = draw_colour(rng) if colour is None else colour
     ink, accent = contrast(paper, rng), draw_colour(rng)

@@ -20,7 +20,7 @@ class Family(Strict):
     """A kind of the category.
 
     Args:
-        share: of all random shapes.
+        share: share of all random shapes.
         ranges: lowest and highest value of the parameters that differ from the common ones.
     """
 
@@ -32,7 +32,7 @@ class Recipe(Strict):
     """What random shapes of a category are drawn from, and the seeds of the shipped ones.
 
     Args:
-        description: of the category, one line for people.
+        description: description of the category, one line for people.
         train, test: seeds of the shipped instances, picked by eye; test spans the extremes and the typical.
         ranges: lowest and highest value of each parameter, drawn uniformly in this order.
         families: by name; their shares make one.

@@ -49,7 +49,7 @@ class Material:
         from PIL import Image
 
         texture = self.texture if self.transparent else np.ascontiguousarray(self.texture[..., :3])
-        # pyrender never finds transparency in a texture, only in the factor: 254 makes it look.
+        # pyrender finds transparency in the colour factor only, not in a texture: 254 makes it blend.
         factor = [255, 255, 255, 254 if self.transparent else 255]
         return PBRMaterial(
             baseColorFactor=factor,

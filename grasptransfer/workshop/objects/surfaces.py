@@ -196,7 +196,7 @@ def rounded_rectangle(
 
     Args:
         half_x, half_y: half the size [m].
-        radius: of the corners [m]; at most the smaller half.
+        radius: radius of the corners [m]; at most the smaller half.
         corner, edge: points on each corner arc (its ends included) and inside each edge (even):
             the outline has 4 (corner + edge) points.
     """
@@ -228,7 +228,7 @@ def rounded_box(
 
     Args:
         half_size: half extents along x, y, z [m].
-        radius: of the upright edges [m]. fillet: of the rims at top and bottom [m].
+        radius: radius of the upright edges [m]. fillet: of the rims at top and bottom [m].
         corner, edge: as of `rounded_rectangle`. rows: rings between the two rims.
         taper: how much narrower the top is than the bottom, as a share.
     """

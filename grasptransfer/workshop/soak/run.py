@@ -26,7 +26,7 @@ class SoakSettings:
         out: folder for the record and for the files that failed; a run goes on from the record in it.
         files: damaged files of each format.
         formats: names; none given: all.
-        first_seed: of the damages; other seeds damage otherwise.
+        first_seed: first seed of the damages; other seeds damage otherwise.
     """
 
     out: Path

@@ -60,9 +60,9 @@ def fit_confidence(
 
     Args:
         categories: that it was trained on.
-        pictures: of held-out shapes (`training_shapes.instances_of`), and as many of strangers, of each
-            category.
-        seed: of shapes, pictures and strangers.
+        pictures: pictures of held-out shapes (`training_shapes.instances_of`), and as many of strangers, of
+            each category.
+        seed: seed of shapes, pictures and strangers.
         progress: called with (pictures done, in all).
     """
     confidence = load_weights(weights)[1].confidence

@@ -33,7 +33,7 @@ class DatasetConfig:
     Args:
         categories: cycled shape by shape.
         samples: how many, rounded up to whole shards.
-        seed: of everything random.
+        seed: seed of everything random.
         backgrounds: pictures in the background bank.
         sprites: cut-out objects that serve as clutter, occluders and objects of another category.
         held_out: show test instances, where a category has no generator; see `training_shapes.instances_of`.

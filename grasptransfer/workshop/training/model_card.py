@@ -46,7 +46,7 @@ def write_card(
     """Write `<weights>.md` and return its path.
 
     Args:
-        scores: of the ensemble, then of each member by itself.
+        scores: scores of the ensemble, then of each member by itself.
         precision: "float32" or "bfloat16", of training.
     """
     path = weights.with_suffix(".md")

@@ -42,8 +42,8 @@ class TrainingConfig:
         batch: samples a step, over all processes.
         echo: how often each augmented batch is used; 2 halves what preparing them costs.
         learning_rate: peak; it falls over the last 30 % of the steps.
-        weight_decay: of AdamW.
-        seed: of everything random; member i begins and draws its batches with seed + i.
+        weight_decay: weight decay of AdamW.
+        seed: seed of everything random; member i begins and draws its batches with seed + i.
 
     Raises:
         CategoryError: an unknown category.

@@ -21,7 +21,7 @@ class Trained:
     Args:
         weights: the `.safetensors` file, with the confidence in it.
         card: the model card beside it; None in all processes of several but the first.
-        scores: of the networks together, on held-out samples.
+        scores: scores of the networks together, on held-out samples.
         members: scores of each network by itself.
         confidence: fitted after training; None where there is no card.
     """

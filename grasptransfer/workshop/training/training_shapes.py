@@ -32,10 +32,10 @@ class TrainingShape:
     """An instance with its known motion from the canonical model.
 
     Args:
-        scene: the textured instance, object frame, metres.
-        vertices: (v, 3) of its surface, object frame [m].
+        scene: the textured instance, object frame [m].
+        vertices: (v, 3) vertices of its surface, object frame [m].
         move: canonical points (m, 3) and the face of each -> points on the instance (m, 3), known (m,).
-        latent: (k,) of the whole motion.
+        latent: (k,) latent that explains the whole motion.
     """
 
     scene: trimesh.Scene | trimesh.Trimesh
@@ -52,7 +52,7 @@ class TrainingCanonical:
         category: whose model it is.
         parametric: whether the category's shapes come from a generator, not from its meshes.
         mesh: geometry whose faces the training shapes move [m].
-        model: of the displacement of its vertices, at most `LATENT_SIZE` modes.
+        model: displacement model of the mesh's vertices, with at most `LATENT_SIZE` modes.
     """
 
     category: Category
@@ -105,7 +105,7 @@ def _canonical(folder: Path, *_checksums: str | None) -> TrainingCanonical:
 
 
 def instances_of(category: Category, *, held_out: bool) -> tuple[str, ...]:
-    """Names of the instances to train on, or to hold out: where none was kept aside, those again."""
+    """Names of the instances to train on, or to hold out: without test instances both are the same."""
     return category.test if held_out and category.test else category.train
 
 

@@ -22,7 +22,7 @@ class CpdAccuracy:
     """Distance between where CPD puts canonical points and where they truly are, over several samples.
 
     Args:
-        beta, lam: of CPD.
+        beta, lam: settings of CPD.
         mean, p95: mean and 95th percentile [m].
         mean_share, p95_share: the same as a share of each sample's diagonal.
         surface_rms: RMS distance from the samples' points to the nearest deformed point [m]; small even

@@ -134,7 +134,7 @@ def main(folder: Positional[Path], names: Positional[tuple[str, ...]] = ()) -> N
 
     Args:
         folder: to write each into, under its name.
-        names: of the categories; all if none is given.
+        names: names of the categories; all if none is given.
     """
     for name in names or generators():
         build_shipped_category(name, folder / name, progress=logging.info)

@@ -23,7 +23,7 @@ MODES_TOLERANCE = 1.05  # fewest modes whose error is within 5 % of that of `MOS
 SEARCH_SHAPES, SEARCH_POINTS = 150, 1500  # of those given: the search needs ranks, not figures
 FOLD_SHAPES = 12
 NEAR = 0.3  # RMS radii: how far from the surface fields must not fold (about a finger's width)
-GRID = 0.16  # RMS radii between the points where folding is looked for
+GRID = 0.16  # RMS radii: spacing of the points at which folding is measured.
 SMALLEST_DETERMINANT = 0.05
 FOLDED_SHARE, FOLDED_RATIO = 1e-3, 1.5  # at most this, or this much more than the candidate that folds least
 _RIDGE = 1e-10  # of weights that no displacement shows
@@ -50,7 +50,7 @@ class Choice:
 
     Args:
         space: fitted to all training shapes.
-        regularisation: of the fields behind it.
+        regularisation: regularisation of the fields behind it.
         heldout_rms: RMS distance between the true surface of held-out shapes and the space's best [m].
         undeformed_rms: the same without any deformation [m].
         field_rms: the same with each shape's own field instead of the space [m].

@@ -23,7 +23,7 @@ def build(parameters: BottleParameters, rng: np.random.Generator) -> Shape:
 
 def _assemble(p: BottleParameters, materials: finish.BottleMaterials) -> Shape:
     body = parts.body(p)
-    # The bore lies under the cap of most bottles: no picture tells where its points are.
+    # The bore lies under the cap of most bottles: no picture shows where its points are.
     seen = np.ones((len(body.vertices) // (parts.COLUMNS + 1), parts.COLUMNS + 1), bool)
     seen[-3:] = False
     pieces = (

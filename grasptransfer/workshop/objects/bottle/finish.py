@@ -111,7 +111,7 @@ def _draw_stuff(kind: str, rng: np.random.Generator) -> _Stuff:
 
 
 def _thick_glass(image: Image.Image, cover: Image.Image, stuff: _Stuff, rng: np.random.Generator) -> None:
-    """More wall to look through at the foot and the neck, and the long soft highlights of clear bottles."""
+    """Thicker glass in the line of sight at foot and neck, and the long soft highlights of clear bottles."""
     if stuff.opacity == 1:
         return
     more = min(stuff.opacity * 1.8, 0.97)

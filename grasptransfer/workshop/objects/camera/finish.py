@@ -43,7 +43,7 @@ class CameraFinish:
         kind: "printed" has textures; "flat" one colour a part; "scan" is one colour all over.
         shell: colour of the body, or of its leatherette. top: of its top plate, the hump and the dials.
         lens: colour of the barrel. ring: of the ring near its front. ink: of the name.
-        leather: height that the leatherette reaches, as a share of the body's; 0 without.
+        leather: height of the leatherette's upper edge, as a share of the body's; 0 without.
         metal: whether top and ring are bare metal. silver_ring: whether a ring of the lens is bright.
         brand, lens_type: what is printed on.
         wear: 0 new to 1 battered. gloss: roughness of the shell. seed: of grain and scratches.

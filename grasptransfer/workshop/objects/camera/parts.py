@@ -136,7 +136,7 @@ def glass(p: CameraParameters) -> Surface:
 
 
 def _knob(radius: float, height: float, columns: int) -> Surface:
-    """An upright knob that reaches 3 mm below its place."""
+    """An upright knob that extends 3 mm below its origin."""
     chamfer = min(0.0012, 0.3 * height)
     profile = np.array(
         [

@@ -47,7 +47,8 @@ class DrillFinish:
         chuck, battery, trigger: sRGB colours.
         metal_chuck: whether the chuck is bare metal.
         brand, type_name: what is printed on.
-        grip: how far the rubber reaches around the handle. nose, bumper: dark share of the housing's ends.
+        grip: how far the rubber extends around the handle. nose, bumper: dark share of the housing's
+            ends.
         vents: slits at the housing's rear. wear: 0 new to 1 battered.
         gloss: roughness of the shells. seed: of grain and scratches.
     """

@@ -98,12 +98,12 @@ class DrillParameters:
 
     @property
     def chuck_tip(self) -> float:
-        """How far the chuck reaches ahead along the housing's axis [m]."""
+        """Position of the chuck's tip along the housing's axis [m]."""
         return self.body_length - self.overhang + self.clutch_length + self.chuck_length
 
     @property
     def foot_front(self) -> float:
-        """How far the foot reaches ahead [m]."""
+        """Position of the foot's front end along x [m]."""
         spare = self.foot_length - self.handle_depth
         return float(self.handle_x(self.foot_height)) + self.handle_depth / 2 + self.foot_forward * spare
 

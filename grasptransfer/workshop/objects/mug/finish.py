@@ -138,7 +138,7 @@ def _glass(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Materi
     rgba[..., :3] = np.clip(255 * tint, 0, 255)
     rgba[..., 3] = int(255 * opacity)
     rim = slice(int((1 - V_RIM) * _SIZE[1]), int((1 - 0.69) * _SIZE[1]))
-    rgba[rim, :, 3] = int(255 * min(opacity * 1.8, 1))  # one looks through more glass at the rim and the foot
+    rgba[rim, :, 3] = int(255 * min(opacity * 1.8, 1))  # The line of sight passes more glass at rim and foot.
     rgba[int(0.93 * _SIZE[1]) :, :, 3] = int(255 * min(opacity * 1.6, 1))
     handle = Material.plain((*tint, min(opacity * 1.5, 0.8)), roughness=0.1)
     return Material(rgba, 0.0, 0.1), handle

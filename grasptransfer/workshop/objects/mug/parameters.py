@@ -13,8 +13,8 @@ class MugParameters:
     """What makes one mug; metres, or shares as said. recipe.yaml holds the ranges.
 
     Args:
-        height: of the body.
-        radius: of the body at the rim.
+        height: height of the body.
+        radius: radius of the body at the rim.
         base: radius at the bottom as a share of `radius`.
         curve: exponent of the way from base to rim: 1 a cone, below 1 a bowl, above 1 a trumpet.
         belly: bulge half-way up, share of `radius`; negative is a waist. belly_at: its height, share.

@@ -33,7 +33,7 @@ class SprayBottleFinish:
     Args:
         kind: "opaque", "clear", "flat" (one colour a part) or "scan" (one colour all over).
         body, head, nozzle, lever, collar, liquid: sRGB colours.
-        opacity: of clear plastic, in [0, 1].
+        opacity: opacity of clear plastic, in [0, 1].
         labels: "sides", "around", "shrunk" (a printed sleeve all over) or "none".
         wear: 0 new to 1 battered. gloss: roughness of the plastic. seed: of labels and grain.
     """

@@ -21,7 +21,8 @@ class SprayBottleParameters:
         grip_size: radius over the shoulder as a multiple of the neck's. grip_shift: of it along x [m].
         ridges: depth of the finger ridges at the front of the grip [m].
         neck_radius, collar_height: [m]. stem_height: from the collar to the head [m].
-        head_front, head_rear: reach of the head from the neck's axis [m]. head_height, head_width (half) [m].
+        head_front, head_rear: extent of the head from the neck's axis [m]. head_height, head_width (half)
+            [m].
         rear_low: height of the head's rear underside over its lowest place [m].
         nose_drop: fall of the head's top towards the nozzle [m]. nose_height: of its front [m].
         nozzle_length, nozzle_radius [m]. nozzle_squareness: 2 round to 6 square.
