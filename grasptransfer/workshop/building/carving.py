@@ -14,10 +14,8 @@ from scipy.spatial import Delaunay, KDTree, QhullError
 
 from grasptransfer.errors import PointCloudError
 
-FIRST, GROWTH = (
-    0.8,
-    1.1,
-)  # The ball's radii start at this share of the points' spacing and grow by this factor.
+# The ball's radii start at this share of the points' spacing, and grow by this factor.
+FIRST, GROWTH = 0.8, 1.1
 SETTLED = 1.05  # One such step lets the volume grow by less than this once the ball stays outside.
 
 _OPPOSITE = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # face opposite to each corner
