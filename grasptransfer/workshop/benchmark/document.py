@@ -12,7 +12,14 @@ from grasptransfer.files import write_whole
 
 
 def document(benchmark: str, *, settings: dict, rows: list[dict], summary: dict) -> dict:
-    """One benchmark run, as every `bench` command writes it."""
+    """One benchmark run, as every `bench` command writes it.
+
+    Args:
+        benchmark: name of the command.
+        settings: all settings of the run.
+        rows: one dictionary for each measured unit.
+        summary: figures over all rows.
+    """
     return {
         "benchmark": benchmark,
         "version": __version__,

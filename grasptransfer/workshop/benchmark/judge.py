@@ -80,7 +80,12 @@ class Judge:
         *,
         scores: MethodScores,
     ) -> None:
-        """Add this estimate's errors to the method's; arguments as of `ask`."""
+        """Add this estimate's errors to the method's; arguments as of `ask`.
+
+        Args:
+            estimate: the estimate to compare with the truth.
+            true_pose, method, scores: as for `ask`.
+        """
         points = self.canonical.warped(estimate.field)
         placed_points = transform_points(invert(true_pose) @ estimate.camera_from_object, points)
         holds_pose = method in ESTIMATORS and ESTIMATORS[method].field_holds_pose

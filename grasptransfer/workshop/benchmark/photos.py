@@ -130,7 +130,14 @@ def measure_object(
     name: str,
     share: slice = slice(None),
 ) -> dict:
-    """All photographs of one object, or a share of them."""
+    """All photographs of one object, or a share of them.
+
+    Args:
+        settings: what is measured.
+        category: name of the category.
+        name: name of the object.
+        share: which of its photographs are measured.
+    """
     loaded = load_category(category)
     photos = [p for p in _photos_of(settings) if (p.category, _object_of(p)) == (category, name)][share]
     with Renderer() as renderer:

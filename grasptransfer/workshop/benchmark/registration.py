@@ -103,7 +103,11 @@ def run_pose_noise_benchmark(
     ledger: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict:
-    """The registration benchmark with pose errors, and `rgb` on the same pictures without them."""
+    """The registration benchmark with pose errors, and `rgb` on the same pictures without them.
+
+    Args:
+        settings, workers, ledger, progress: as for `run_registration_benchmark`.
+    """
     rows = _measure(measure_pose_noise, settings, workers, ledger, progress)
     summary = summarise(rows)
     for key in (

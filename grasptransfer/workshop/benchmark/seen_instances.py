@@ -166,7 +166,11 @@ def observe_instance(
     noise: PoseNoise | GivenPoses | None = None,
     seed: int = 0,
 ) -> tuple[Observation, Float[np.ndarray, "4 4"]]:
-    """Picture, depth and mask of an instance, and the true pose; arguments as of `see_instance`."""
+    """Picture, depth and mask of an instance, and the true pose; arguments as of `see_instance`.
+
+    Args:
+        instance, viewpoint, renderer, noise, seed: as for `see_instance`.
+    """
     sight = see_instance(instance, viewpoint, renderer=renderer, noise=noise, seed=seed)
     return sight.observation, sight.pose
 

@@ -222,7 +222,15 @@ def fields_of(
     beta: float,
     lam: float,
 ) -> InstanceFields:
-    """The registered fields of all train instances."""
+    """The registered fields of all train instances.
+
+    Args:
+        train: train instances by name.
+        registered: what `register` found.
+        control: (n, 3) control points of the canonical model [m].
+        beta: kernel width of the fields to take, normalised units.
+        lam: lambda of the fields to take.
+    """
     first = registered[next(iter(train)), beta, lam]
     weights = np.stack([registered[name, beta, lam]["weights"] for name in train])
     return InstanceFields(weights, control, beta, first["centre"], float(first["scale"]))

@@ -31,7 +31,14 @@ FITTED_POINTS = 600
 
 
 def prepare_instance(path: str, checksum: str, scale: float, rotation: np.ndarray) -> Arrays:
-    """Read, check and repair one file; `checksum` is only there so that a changed file counts as new."""
+    """Read, check and repair one file; `checksum` is only there so that a changed file counts as new.
+
+    Args:
+        path: path of the file.
+        checksum: checksum of the file's content.
+        scale: metres in one unit of the file.
+        rotation: (3, 3) from the file's axes to the category's.
+    """
     prepared = prepare(Path(path), scale=scale, rotation=rotation)
     if prepared.cloud is None:
         points, _ = visible_surface(prepared.mesh)

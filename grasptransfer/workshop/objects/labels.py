@@ -102,7 +102,15 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def write(image: Image.Image, text: str, box: Box, colour: Ink, *, bold: bool = False) -> None:
-    """Write `text` as large as fits the box (left, top, right, bottom) [px], centred."""
+    """Write `text` as large as fits the box (left, top, right, bottom) [px], centred.
+
+    Args:
+        image: the picture to write into.
+        text: one line or several.
+        box: left, top, right, bottom [px].
+        colour: colour of the letters.
+        bold: whether the letters are bold.
+    """
     draw = ImageDraw.Draw(image)
     width, height = box[2] - box[0], box[3] - box[1]
     left, top, right, bottom = draw.multiline_textbbox((0, 0), text, font=_font(32), spacing=4)
@@ -125,7 +133,14 @@ def write(image: Image.Image, text: str, box: Box, colour: Ink, *, bold: bool = 
 
 
 def logo(image: Image.Image, rng: np.random.Generator, box: Box, colour: Ink) -> None:
-    """A simple mark inside the box (left, top, right, bottom) [px]."""
+    """A simple mark inside the box (left, top, right, bottom) [px].
+
+    Args:
+        image: the picture to draw into.
+        rng: decides on the mark.
+        box: left, top, right, bottom [px].
+        colour: colour of the mark.
+    """
     draw = ImageDraw.Draw(image)
     x, y = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
     radius = min(box[2] - box[0], box[3] - box[1]) / 2
@@ -256,7 +271,14 @@ def _barcode(draw: ImageDraw.ImageDraw, rng: np.random.Generator, box: Box) -> N
 def lettering(
     rng: np.random.Generator, width: int, height: int, colour: Colour, *, text: str | None = None
 ) -> Image.Image:
-    """A motto or name, perhaps with a mark, on a clear ground (RGBA)."""
+    """A motto or name, perhaps with a mark, on a clear ground (RGBA).
+
+    Args:
+        rng: decides on text, mark and layout.
+        width, height: size of the picture [px].
+        colour: colour of the letters.
+        text: what to write; a random motto or name if None.
+    """
     image = Image.new("RGBA", (width, height), (*colour, 0))
     opaque = (*colour, 255)
     with_mark = rng.random() < 0.5

@@ -84,7 +84,14 @@ class Part:
     def of(
         name: str, surface: Surface, material: Material, corresponds: Bool[np.ndarray, "v"] | bool = True
     ) -> "Part":
-        """A part made of `surface`."""
+        """A part made of `surface`.
+
+        Args:
+            name: name of the part, unique within its shape.
+            surface: geometry and UV coordinates.
+            material: colours and gloss.
+            corresponds: (v,) whether a vertex is the same physical place on every sample.
+        """
         each = np.broadcast_to(corresponds, len(surface.vertices)).copy()
         grid = (surface.vertices, surface.faces, surface.uv)
         return Part(name, *grid, material, each, surface.weld, surface.shading)
@@ -177,7 +184,14 @@ class Shape:
 def centred(
     category: str, parameters: dict, parts: tuple[Part, ...], contents: tuple[Part, ...] = ()
 ) -> Shape:
-    """The shape with the centre of its bounding box at the origin."""
+    """The shape with the centre of its bounding box at the origin.
+
+    Args:
+        category: name of the category.
+        parameters: what the shape was built from, by name.
+        parts: watertight parts in any frame with the category's axes [m].
+        contents: parts inside others, moved alike [m].
+    """
     points = np.concatenate([part.vertices for part in parts])
     centre = (points.min(0) + points.max(0)) / 2
 

@@ -181,6 +181,12 @@ def superellipse(
     """|x / half_x|^e + |y / half_y|^e = 1, counter-clockwise from angle `start` [rad]; one or one a row.
 
     Exponent 2 is an ellipse, 4 a rounded rectangle, 1 a rhombus.
+
+    Args:
+        columns: number of points of the outline.
+        half_x, half_y: half extents [m], one or one a row.
+        exponent: e, one or one a row.
+        start: angle of the first point [rad].
     """
     sizes = (np.asarray(size, float) for size in (half_x, half_y, exponent))
     half_x, half_y, exponent = np.broadcast_arrays(*sizes)

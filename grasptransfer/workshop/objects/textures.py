@@ -1,7 +1,8 @@
 """Procedural surface colours: palettes, printed patterns, gradients, speckle, noise and wear.
 
-Pictures are PIL images in sRGB. Draw each at the aspect ratio that its region has in metres, then
-`paste` it into the part's texture: it is stretched as the UV grid stretches the texture.
+Pictures are PIL images in sRGB. Draw each picture at the aspect ratio that its region has in metres, then
+`paste` it into the part's texture: it is stretched as the UV grid stretches the texture. The functions of
+`PATTERNS`, and `glaze`, take the arguments of `pattern`.
 """
 
 import colorsys
@@ -86,6 +87,12 @@ def paste(
     """Put `patch` upright into the UV region (u0, v0, u1, v1) of `texture`; u may pass 0 or 1 and wraps.
 
     An alpha channel of the patch blends it in. `flip` mirrors it, for surfaces seen from inside.
+
+    Args:
+        texture: the picture to paste into, changed in place.
+        patch: the picture to paste.
+        region: u0, v0, u1, v1 of the texture.
+        flip: whether the patch is mirrored.
     """
     width, height = texture.size
     u0, v0, u1, v1 = region
@@ -103,7 +110,13 @@ def paste(
 def smooth_noise(
     rng: np.random.Generator, width: int, height: int, *, cells: int = 6
 ) -> Float[np.ndarray, "h w"]:
-    """Soft blotches in about [-1, 1]: `cells` of them along the longer side; left meets right."""
+    """Soft blotches in about [-1, 1]: `cells` of them along the longer side; left meets right.
+
+    Args:
+        rng: where the blotches are drawn from.
+        width, height: size [px].
+        cells: number of blotches along the longer side.
+    """
     share = cells / max(width, height)
     coarse = rng.normal(0, 0.5, (max(int(height * share), 2), max(int(width * share), 2))).astype(np.float32)
     columns = coarse.shape[1]
@@ -139,7 +152,12 @@ def worn(image: Image.Image, rng: np.random.Generator, strength: float) -> None:
 
 
 def gradient(width: int, height: int, top: Colour, bottom: Colour) -> Image.Image:
-    """A vertical change of colour."""
+    """A vertical change of colour.
+
+    Args:
+        width, height: size [px].
+        top, bottom: colours at the two edges.
+    """
     column = np.linspace(top, bottom, max(height, 2)).astype(np.uint8)[:, None]
     return Image.fromarray(column).resize((width, height))
 
@@ -224,7 +242,13 @@ PATTERNS: tuple[Callable, ...] = (stripes, dots, checks, waves, speckles)
 def pattern(
     rng: np.random.Generator, width: int, height: int, colours: list[Colour] | None = None
 ) -> Image.Image:
-    """One of `PATTERNS` in two to four colours."""
+    """One of `PATTERNS` in two to four colours.
+
+    Args:
+        rng: decides on the pattern.
+        width, height: size [px].
+        colours: the ground first; drawn if None.
+    """
     if colours is None:
         first = draw_colour(rng)
         colours = [first, contrast(first, rng), draw_colour(rng), draw_colour(rng)][: int(rng.integers(2, 5))]

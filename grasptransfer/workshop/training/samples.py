@@ -91,7 +91,14 @@ def render_sample(
 def true_motion(
     shape: TrainingShape, view: CanonicalView, zoomed: Camera, *, true_pose, given_pose
 ) -> tuple[Float16[np.ndarray, "24 32 3"], Float16[np.ndarray, "24 32 2"], Bool[np.ndarray, "24 32"]]:
-    """Offsets, flow and their validity at the network's cells, from exact correspondences."""
+    """Offsets, flow and their validity at the network's cells, from exact correspondences.
+
+    Args:
+        shape: the instance and its motion from the canonical model.
+        view: the assumed model as seen at the given pose.
+        zoomed: camera of the zoomed picture.
+        true_pose, given_pose: (4, 4) `camera_from_object` [m].
+    """
     moved, known = shape.move(view.cell_points, view.cell_faces)
     seen = zoomed.project(transform_points(true_pose, moved))
     cells, size = view.cell_mask, view.cell_mask.shape

@@ -112,7 +112,14 @@ def member_folder(run_folder: Path, number: int) -> Path:
 def evaluate(
     network: torch.nn.Module, held_out: Dataset, config: TrainingConfig, *, precision: str = "float32"
 ) -> Scores:
-    """Mean held-out terms over all samples, with augmentation of a fixed seed."""
+    """Mean held-out terms over all samples, with augmentation of a fixed seed.
+
+    Args:
+        network: the network to evaluate.
+        held_out: samples of shapes that training does not see.
+        config: loss and batch size.
+        precision: "float32" or "bfloat16".
+    """
     rng = np.random.default_rng(HELD_OUT_SEED)
     network.eval()
     device = next(network.parameters()).device

@@ -47,6 +47,12 @@ def cpd_accuracy(
 ) -> list[CpdAccuracy]:
     """Register the canonical control points to clouds of random samples, with each pair of settings.
 
+    Args:
+        surface: points of the canonical model.
+        betas: kernel widths to try, normalised units.
+        lambdas: smoothnesses to try.
+        samples: number of random shapes.
+
     Returns:
         one for each pair, the least mean error first.
     """

@@ -146,6 +146,12 @@ def fit_weights(
     """Weights of the smoothest fields through known displacements, all at once.
 
     Minimises what `DeformationField.fit` minimises; only the right-hand sides differ between shapes.
+
+    Args:
+        points: (m, 3) canonical points [m].
+        space: gives control points, kernel and normaliser.
+        regularisation: smoothness of the fields.
+        displacements: (i, m, 3) of the points to each of i shapes [m].
     """
     control = space.normaliser(space.control_points)
     kernel = gaussian(space.normaliser(points), control, space.beta)
