@@ -124,18 +124,11 @@ def measure_share(settings: PhotoSettings, category: str, name: str) -> dict:
     return measure_object(settings, category, known, slice(int(first), int(first) + SHARE))
 
 
-def measure_object(
-    settings: PhotoSettings,
-    category: str,
-    name: str,
-    share: slice = slice(None),
-) -> dict:
+def measure_object(settings: PhotoSettings, category: str, name: str, share: slice = slice(None)) -> dict:
     """All photographs of one object, or a share of them.
 
     Args:
-        settings: what is measured.
-        category: name of the category.
-        name: name of the object.
+        settings, category, name: what is measured, and category and name of the object.
         share: which of its photographs are measured.
     """
     loaded = load_category(category)
