@@ -38,7 +38,8 @@ def box_of(width: float) -> "trimesh.Trimesh":
 def box_grasp(gripper: Gripper, width: float) -> Grasp:
     """The grasp of a box of this width [m] from above."""
     opening, pads = gripper.approach_opening(width), np.clip([width], *gripper.opening)
-    along = float(gripper.pad_faces(pads).across[0, :, 1].mean())  # of the pads' middle, TCP z
+    # This is the position of the pads' middle along the TCP's z.
+    along = float(gripper.pad_faces(pads).across[0, :, 1].mean())
     covered = COVERED * min(pad.size[1] for pad in gripper.pads)
     middle = float(gripper.pad_middle(np.array([opening]))[0])
     position = np.array([-middle, 0.0, HEIGHT / 2 - covered + along])

@@ -70,15 +70,15 @@ def simulate(
         engine: `pybullet` or `mujoco`; None: PyBullet where it is installed.
         trials: number of trials of each grasp. A single trial executes the grasp exactly; several trials are
             perturbed.
-        perturb: errors added to every trial; None: the protocol's where there are several trials.
-        friction: friction of pad on object; None: the protocol's.
-        mass: mass of the object [kg]; None: volume times the protocol's density, within its limits.
-        force: force of each pad [N], the gripper's own limit at most; None: the protocol's.
+        perturb: errors added to every trial; None takes the protocol's if there are several trials.
+        friction: friction of pad on object; None takes the protocol's.
+        mass: mass of the object [kg]; None takes volume times the protocol's density, within its limits.
+        force: force of each pad [N], at most the gripper's own limit; None takes the protocol's.
         seed: seed of the perturbations.
         workers: processes; one means this process.
         cluster: address of a Dask scheduler, instead of `workers`.
         results_path: JSON lines to append to; trials that are in it already do not run again.
-        frames: per second of simulated time, of `TrialResult.recording`; None: no recording.
+        frames: frames of `TrialResult.recording` in a second of simulated time; None records nothing.
         trial_limit: seconds of computing after which a trial in another process is given up.
         on_trial: called with the number of trials done and of all.
 
@@ -121,7 +121,7 @@ def simulate(
             if on_trial is not None:
                 on_trial(len(results), len(jobs))
     if any(result.status is TrialStatus.CRASHED for result in results.values()):
-        remove_orphans()  # of the processes that went down
+        remove_orphans()  # Crashed processes leave their folders behind.
     return [results[i] for i in range(len(jobs))]
 
 

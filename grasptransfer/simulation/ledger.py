@@ -27,7 +27,7 @@ def read_results(path: str | Path | None) -> dict[str, TrialResult]:
         except (AttributeError, KeyError, TypeError):
             unknown += 1
             continue
-        if result.status is not TrialStatus.CRASHED:  # a crashed trial is run again
+        if result.status is not TrialStatus.CRASHED:  # A crashed trial is run again.
             found[key] = result
     if unknown and not found:
         raise SettingsError("holds no trial results", path=path)

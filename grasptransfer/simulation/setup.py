@@ -15,7 +15,7 @@ from grasptransfer.simulation.outcome import TrialResult
 from grasptransfer.simulation.protocol import Protocol
 from grasptransfer.simulation.trial import run_trial
 
-_LOCK = threading.Lock()  # a process has one physics client; a Dask worker may have several threads
+_LOCK = threading.Lock()  # A process has one physics client, but a Dask worker may have several threads.
 _WARM: dict[str, World] = {}
 
 

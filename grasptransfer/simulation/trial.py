@@ -305,7 +305,7 @@ class _Trial:
         """The poses so far, or None where no recording was asked for."""
         if not self._record_every:
             return None
-        if not self._moments:  # ended before anything moved: show how it stands
+        if not self._moments:  # The trial ended before anything moved: show the start.
             self._record(moment=0.0)
         seconds, phases, objects, links = zip(*self._moments, strict=True)
         poses = {name: np.stack([pose[name] for pose in links]) for name in links[0]}

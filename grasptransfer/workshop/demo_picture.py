@@ -1,4 +1,4 @@
-"""The picture of the demo: a test mug, which nothing was trained on, on a table among other things.
+"""The picture of the demo: a test mug, which no training saw, on a table among other objects.
 
     python -m grasptransfer.workshop.demo_picture
 
@@ -204,7 +204,7 @@ def _shadow(things: Sequence[trimesh.Trimesh], height: float) -> Float[np.ndarra
 def _fill(image: Image.Image, triangles: Float[np.ndarray, "f 3 2"]):
     draw = ImageDraw.Draw(image)
     pixels = (triangles / TABLE_SIDE + 0.5) * TABLE_PIXELS
-    pixels[..., 1] = TABLE_PIXELS - pixels[..., 1]  # v of a texture points up
+    pixels[..., 1] = TABLE_PIXELS - pixels[..., 1]  # The v axis of a texture points up.
     for triangle in pixels:
         draw.polygon([tuple(corner) for corner in triangle], fill=255)
 

@@ -44,7 +44,7 @@ class Results:
 
 @dataclass(frozen=True)
 class ResumedResults(Results):
-    """Where the results go, and who measures them.
+    """Where the results go, and how many processes measure them.
 
     Args:
         json: file for the results; a killed run goes on from the file beside it.

@@ -24,7 +24,7 @@ class OwnedFolder:
             self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
             lock = open(self.path / LOCK, "wb")  # noqa: SIM115  (held as long as the folder)
             fcntl.flock(lock, fcntl.LOCK_EX)
-            if (self.path / LOCK).exists():  # else it was taken for an orphan before it was locked
+            if (self.path / LOCK).exists():  # Otherwise it was removed as an orphan before it was locked.
                 break
             lock.close()
         self._remove = weakref.finalize(self, _remove, self.path, lock)
@@ -42,6 +42,7 @@ def _remove(path: Path, lock: BinaryIO) -> None:
 def remove_orphans() -> None:
     """Remove the folders whose process has gone."""
     for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-        with contextlib.suppress(OSError), open(folder / LOCK, "rb") as lock:  # another user's, or just going
+        # The folder is another user's, or is just being removed.
+        with contextlib.suppress(OSError), open(folder / LOCK, "rb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             shutil.rmtree(folder, ignore_errors=True)

@@ -73,7 +73,7 @@ class BulletGripper(FloatingGripper):
         """Links that move when the fingers do."""
         parents = {i: self._call("getJointInfo", self.body, i)[16] for i in self.link_names if i != BASE}
         moving = set(self._joints)
-        for index in sorted(parents):  # parents come before their children
+        for index in sorted(parents):  # Parents come before their children.
             if parents[index] in moving:
                 moving.add(index)
         return moving

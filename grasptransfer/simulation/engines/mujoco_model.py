@@ -58,7 +58,7 @@ def _set_options(spec: mujoco.MjSpec, protocol: Protocol) -> None:
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = FRICTION_IMPEDANCE
-    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # a dozen degrees of freedom
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # The model has a dozen degrees of freedom only.
     spec.compiler.degree = False
     spec.compiler.balanceinertia = True  # URDFs break the triangle inequality of moments by rounding
 
@@ -73,7 +73,7 @@ def _add_object(spec: mujoco.MjSpec, body: Body) -> None:
         _add_mesh(spec, f"part {i}", seen_from_mass, triangles)
         geom = placed.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part {i}")
         geom.contype, geom.conaffinity = OBJECT_BIT, HAND_BIT | TABLE_BIT
-        geom.condim, geom.priority = 4, 1  # the object's friction is the contact's, spinning included
+        geom.condim, geom.priority = 4, 1  # The contact takes the object's friction, spinning included.
         geom.solref, geom.solimp = REFERENCE, IMPEDANCE
 
 
@@ -82,7 +82,7 @@ def _add_mesh(
 ) -> None:
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = vertices.ravel(), triangles.ravel()
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # thin parts have hardly any volume
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # Thin parts have hardly any volume.
 
 
 class _HandBuilder:
@@ -106,7 +106,7 @@ class _HandBuilder:
         base, *others = self.hand.link_names
         bodies, moving = {base: self.spec.worldbody.add_body(name=base)}, set()
         bodies[base].add_freejoint()
-        for name in others:  # a link's parent comes before it
+        for name in others:  # A link's parent comes before the link.
             _, parent = child_and_parent(self.joints[name])
             bodies[name] = bodies[parent].add_body(name=name)
             if self._join(bodies[name], self.joints[name], parent) or parent in moving:
@@ -179,7 +179,7 @@ class _HandBuilder:
             motor = self.spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
             motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
             motor.forcelimited = True
-            motor.forcerange = [-1, 1]  # set before each use, like the gain
+            motor.forcerange = [-1, 1]  # The force limit is set before each use, like the gain.
 
     def _carry(self, base: str) -> None:
         """A weld ties the TCP to a body that the trial moves about."""

@@ -25,7 +25,7 @@ from grasptransfer.simulation.job import Conditions
 from grasptransfer.simulation.protocol import GRAVITY, Protocol
 
 TOUCH = 1e-4  # m: distances are computed up to here, which is enough to find overlaps.
-FLIPPED = np.array([1, 1, 1, -1, -1, -1, -1])  # the same orientation by the other quaternion
+FLIPPED = np.array([1, 1, 1, -1, -1, -1, -1])  # -q is the same orientation as q.
 
 
 class State:
@@ -92,8 +92,8 @@ class MujocoGripper(FloatingGripper):
         force.
         """
         start = self._start if self._start[3:] @ self._aim[3:] >= 0 else self._start * FLIPPED
-        wanted = start + share * (self._aim - start)  # MuJoCo makes the quaternion a unit one again
-        here = self._data.qpos[self._base[:3]]  # the base's body has its frame at the TCP
+        wanted = start + share * (self._aim - start)  # MuJoCo normalises the quaternion.
+        here = self._data.qpos[self._base[:3]]  # The base's body has its frame at the TCP.
         ahead = wanted[:3] - here
         far = float(np.linalg.norm(ahead))
         self._data.mocap_pos[0] = here + ahead * min(1.0, self._farthest / far if far > 0 else 1.0)
@@ -158,7 +158,7 @@ class MujocoWorld(World):
         model.body_inertia[self._object] = self._moments = (
             self.body.principal_moments * conditions.mass / self.body.mass
         )
-        mujoco.mj_setConst(model, data)  # what the solver knows of masses
+        mujoco.mj_setConst(model, data)  # The solver keeps quantities that depend on the masses.
         model.geom_friction[list(self._parts)] = conditions.friction, self.protocol.spinning_friction, 0.0
         data.qpos[self._value] = position_and_quaternion(self._object_from_mass)
         self.damp(0.0)

@@ -105,7 +105,7 @@ def run_calibration(
     """
     if settings.objects < 2:
         raise SettingsError("must be at least 2", key="objects", value=settings.objects)
-    spread_views(settings.views)  # refuses a wrong number before the first picture
+    spread_views(settings.views)  # This refuses a wrong number before the first picture.
     names = random_names(settings.objects, FIRST_SEED)
     tasks = [(category, name) for category in settings.categories for name in names]
     found = measure_instances(_execute_on, settings, tasks, workers=workers, ledger=ledger, progress=progress)
@@ -191,7 +191,7 @@ def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list
     features = grasp_features(reached.grasps, reached.checks, flow.gripper, plausible=reached.plausible)
     usable = np.array([i for i, check in enumerate(reached.checks) if check.usable], int)
     rng = np.random.default_rng(settings.seed)
-    usable = rng.permutation(usable)[:MOST_GRASPS]  # symmetry families have many members alike
+    usable = rng.permutation(usable)[:MOST_GRASPS]  # Many members of a symmetry family are alike.
     chosen = [reached.grasps[i] for i in usable]
     placed = as_executed(chosen, estimated_pose=estimate.camera_from_object, true_pose=pose)
     trials = simulate(placed, instance.solid, flow.gripper, protocol=settings.protocol, seed=settings.seed)

@@ -28,8 +28,8 @@ from grasptransfer.workshop.objects import canonical
 
 OURS = ("grasptransfer", "grasptransfer-numpy")
 PEERS = ("pycpd", "cycpd", "probreg")
-PROBE = (2, 6)  # iterations from which a long run is extrapolated
-UNTOLERANT = 1e-30  # peers want a tolerance above 0; the iterations are forced
+PROBE = (2, 6)  # Numbers of iterations from which a long run is extrapolated.
+UNTOLERANT = 1e-30  # Peers demand a tolerance above 0, though the iterations are forced.
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,8 @@ def run_cpd_benchmark(settings: CpdSettings, *, progress: Callable[[int, int], N
     """
     seed = settings.seed
     peers = [peer for peer in PEERS if importlib.util.find_spec(peer)]
-    _register("grasptransfer", _clouds(60, seed), settings, 2)  # compiles, or loads what was compiled
+    # The first run compiles, or loads compiled code.
+    _register("grasptransfer", _clouds(60, seed), settings, 2)
     rows: list[dict] = []
     for done, size in enumerate(settings.sizes, 1):
         clouds = _clouds(size, seed)
@@ -151,7 +152,7 @@ def _register(name: str, clouds: Clouds, settings: CpdSettings, iterations: int)
     source, target, beta, lam = clouds.source, clouds.target, settings.beta, settings.lam
     if name in OURS:
         backend = "numpy" if name.endswith("numpy") else "compiled"
-        prepared = PreparedSource(source, beta=beta)  # prepared anew: it belongs to the time
+        prepared = PreparedSource(source, beta=beta)  # The source is prepared anew, so that preparation counts.
         result = cpd(prepared, target, lam=lam, tolerance=0.0, max_iterations=iterations, backend=backend)
         return result(source)
     if name == "pycpd":
@@ -164,7 +165,7 @@ def _register(name: str, clouds: Clouds, settings: CpdSettings, iterations: int)
 
         options = {"alpha": lam, "beta": beta, "max_iterations": iterations, "tolerance": UNTOLERANT}
         registration = deformable_registration(X=target, Y=source, verbose=False, **options)
-        with redirect_stdout(io.StringIO()):  # it prints its timings
+        with redirect_stdout(io.StringIO()):  # The peer prints its timings.
             registration.register(lambda **_: None)
         return np.asarray(registration.TY)
     from probreg import cpd as probreg_cpd  # pyright: ignore[reportMissingImports]

@@ -14,7 +14,7 @@ from grasptransfer.perception.zoom import zoom_box, zoom_camera
 
 from grasptransfer.workshop.benchmark.seen_instances import Instance  # isort: skip
 
-TRUE_OFFSET_NOISE = 1e-3  # m: what the shape space cannot express of a true offset
+TRUE_OFFSET_NOISE = 1e-3  # m: error of true offsets in the shape space.
 CPD_OFFSET_NOISE = 4e-3  # m: how far CPD's correspondences are off, `measured` in the category files
 
 
@@ -60,7 +60,7 @@ def _true_field(instance: Instance, _: EstimatorSettings) -> Estimator:
 # What shapes are compared with, and what grasps are; each benchmark calls its bound "gt".
 OF_SHAPES = {"gt": EstimatorSpec(_true_offsets, "true offsets of what is seen", bound=True)} | ESTIMATORS
 OF_GRASPS = {"gt": EstimatorSpec(_true_field, "the true field at the true pose", bound=True)} | ESTIMATORS
-NOT_BY_DEFAULT = ("rgbd",)  # it does the work of rgb once more: measured where it is named
+NOT_BY_DEFAULT = ("rgbd",)  # It repeats the work of rgb, so it is measured only where it is named.
 DEFAULT = tuple(name for name in OF_SHAPES if name not in NOT_BY_DEFAULT)
 METHODS = tuple(name for name in DEFAULT if not OF_SHAPES[name].bound)
 OF_DEPTH = tuple(name for name, spec in ESTIMATORS.items() if spec.needs_depth)

@@ -84,7 +84,7 @@ def run_glass_benchmark(
     Raises:
         SettingsError: a wrong number of views, or no category has a see-through test instance.
     """
-    spread_views(settings.views)  # refuses a wrong number before the first picture
+    spread_views(settings.views)  # This refuses a wrong number before the first picture.
     found = [
         (category, name)
         for category in settings.categories

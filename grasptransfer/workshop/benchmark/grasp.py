@@ -92,7 +92,7 @@ def run_grasp_benchmark(
         GripperError: an unknown gripper.
     """
     check_estimators(settings.estimators, key="estimators", known=OF_GRASPS)
-    load_protocol(settings.protocol)  # wrong names are refused before minutes of pictures
+    load_protocol(settings.protocol)  # Wrong names are refused before minutes of rendering.
     load_gripper(settings.gripper)
     spread_views(settings.views)
     found = [(category, name) for category in settings.categories for name in _names(settings, category)]
@@ -193,7 +193,7 @@ def as_executed(
 def best_of_each_family(grasps: Sequence[TransferredGrasp]) -> list[TransferredGrasp]:
     """The first grasp of each symmetry family, in order: what a robot would do."""
     best: dict[str, TransferredGrasp] = {}
-    for grasp in grasps:  # they come best first
+    for grasp in grasps:  # The grasps are ordered, the best first.
         best.setdefault(grasp.name.split("/")[0], grasp)
     return list(best.values())
 

@@ -40,7 +40,7 @@ from grasptransfer.workshop.benchmark.photo_files import (
 )
 from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
 
-SHARE = 12  # photographs of one object that a worker takes at a time
+SHARE = 12  # A worker takes so many photographs of one object at a time.
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,7 @@ def _iou(predicted: np.ndarray | None, true: np.ndarray | None) -> float:
 
 
 def _check(settings: RegistrationSettings):
-    spread_views(settings.views)  # refuses a wrong number before the first picture
+    spread_views(settings.views)  # This refuses a wrong number before the first picture.
     if settings.meshes is not None and not settings.meshes.is_dir():
         raise SettingsError("is not a folder", path=settings.meshes)
     if not settings.categories:

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasptransfer.workshop.benchmark.errors_of_shape import ShapeError
 
-TIE = 1.1  # as good as CLS: within ten per cent
+TIE = 1.1  # Errors within ten per cent of those of CLS count as equally good.
 
 
 @dataclass

@@ -25,7 +25,7 @@ from grasptransfer.workshop.training.backgrounds import draw_backdrop
 from grasptransfer.workshop.training.scenes import PoseNoise, draw_lighting
 
 CAMERA = Camera.from_fov(640, 480, np.deg2rad(60))
-FILL = 0.55  # share of the picture's height that the object covers
+FILL = 0.55  # The object covers this share of the picture's height.
 MESH_SUFFIXES = (".glb", ".obj", ".ply", ".off", ".stl")
 RANDOM = "random_"  # before the seed, in the names of shapes that are drawn when asked for
 

@@ -157,7 +157,7 @@ def choose_settings(
     beta, lam, count, flexibility = settings.beta, settings.lam, settings.modes, settings.flexibility
     if beta is not None and lam is not None and count is not None and flexibility is not None:
         return Chosen(beta, lam, count, flexibility), ()
-    most = len(train) - 2  # of a space without one instance
+    most = len(train) - 2  # A space without one instance has at most so many modes.
     tried = (
         {n for n in (*MODES, most) if n <= most} if settings.modes is None else {min(settings.modes, most)}
     )

@@ -125,7 +125,7 @@ def _lzf(packed: bytes, size: int) -> bytes:
         at += 1
         if back > len(out):
             raise ValueError("a copy reaches before the beginning")
-        for _ in range(length):  # may overlap what it writes
+        for _ in range(length):  # The copy may overlap its own output.
             out.append(out[-back])
     if len(out) != size:
         raise ValueError(f"{len(out)} of {size} bytes")

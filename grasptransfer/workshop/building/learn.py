@@ -75,7 +75,8 @@ def learn_category(
     how["kernels"] = [(chosen.beta, chosen.lam)]
     found = register(workshop, prepared, model, **how)
     fields = fields_of(train, found, model.control_points, chosen.beta, chosen.lam)
-    clouds = {one: prepared[one]["points"] for one in sorted(prepared, key=split.__getitem__)}  # train first
+    # Train instances come first.
+    clouds = {one: prepared[one]["points"] for one in sorted(prepared, key=split.__getitem__)}
     learnt, space = _learn(workshop, fields, clouds, model=model, chosen=chosen, metric=settings.metric)
     registered = {one: arrays for (one, _, _), arrays in found.items()}
     return LearntCategory(

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
-STEP = 15  # degrees between the turns about the upright axis that are tried
+STEP = 15  # degrees: spacing of the turns about the upright axis that are tried.
 BETTER = 0.85  # a turn is suspicious if it brings the distance below this share of the given one
 
 

@@ -11,7 +11,7 @@ from grasptransfer.errors import SettingsError
 from grasptransfer.registration import DeformationField, Metric, ShapeSpace, latent_fit
 from grasptransfer.registration.kernels import gaussian
 
-FEWEST = 3  # instances behind a shape space
+FEWEST = 3  # A shape space needs at least so many instances.
 SMOOTH = 12  # smooth displacements along each axis, where a space is loosened
 
 
@@ -156,7 +156,8 @@ def loosened(space: ShapeSpace, flexibility: float) -> ShapeSpace:
     count = len(points)
     values, vectors = np.linalg.eigh(gaussian(points, points, space.beta))
     values, vectors = values[: -SMOOTH - 1 : -1], vectors[:, : -SMOOTH - 1 : -1]
-    variances = count * flexibility**2 * values / values.sum()  # summed over the control points
+    # The variance is summed over the control points.
+    variances = count * flexibility**2 * values / values.sum()
     weights = np.einsum("nr,ij->rinj", vectors * (np.sqrt(variances) / values), np.eye(3))
     return dataclasses.replace(
         space,

@@ -11,7 +11,7 @@ from grasptransfer.errors import MeshError
 
 SPHERE_SUBDIVISIONS = 2  # 162 viewpoints
 RAYS_ACROSS = 48  # rays along each side of a viewpoint's square grid
-VOXEL_TOLERANCE = 0.02  # how closely the number of points asked for is met
+VOXEL_TOLERANCE = 0.02  # The number of points may differ from the wanted one by this share.
 
 
 def visible_surface(

@@ -105,7 +105,7 @@ class Part:
         corners = self.vertices[self.faces]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         groups = self.shading[self.faces].T.ravel()
-        weights = np.tile(across, (3, 1))  # larger faces count more, which keeps flats next to fillets flat
+        weights = np.tile(across, (3, 1))  # Larger faces count more, which keeps flats next to fillets flat.
         sums = np.stack([np.bincount(groups, weights[:, i], len(self.vertices)) for i in range(3)], -1)
         normals = sums[self.shading]
         length = np.linalg.norm(normals, axis=1, keepdims=True)

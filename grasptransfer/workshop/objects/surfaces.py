@@ -78,7 +78,7 @@ def _grid(rows: int, columns: int, creases: tuple[int, ...]):
             weld[i + 1] = weld[i]
             continue
         a, b, c, d = index[i, :-1], index[i, 1:], index[i + 1, 1:], index[i + 1, :-1]
-        if i > 0:  # next to a pole only one triangle of each quad has an area
+        if i > 0:  # Next to a pole only one triangle of each quad has an area.
             faces.append(np.stack([a, b, c], -1))
         if i + 2 < len(order):
             faces.append(np.stack([a, c, d], -1))

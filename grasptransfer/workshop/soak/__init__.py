@@ -1,4 +1,4 @@
-"""Tries that nobody would make by hand: mutated files by the thousand, each in a watched process.
+"""Tests that nobody would write by hand: thousands of damaged files, each read in a watched process.
 
 `python -m grasptransfer.workshop.soak --out FOLDER` runs it for as long as asked and prints a table of what
 was tried, what failed and what was lost; started again, it goes on where it stopped. A short run of it is

@@ -53,7 +53,7 @@ def run_soak(
     """Read damaged files of every format; the entries of the record.
 
     Args:
-        progress: is called with a format and how many of how many files of it are done.
+        progress: called with (format, files of it done, in all).
     """
     settings.out.mkdir(parents=True, exist_ok=True)
     record = settings.out / RECORD
@@ -105,7 +105,7 @@ def _try_chunk(kind: Format, watched: Watched, seeds: range, out: Path) -> dict:
 
 
 def _keep(kind: Format, seed: int, folder: Path) -> None:
-    """Keep the file that failed, for whoever mends its reader."""
+    """Keep the file that failed, so that its reader can be mended."""
     folder.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
         path = damaged_file(kind, seed, Path(name))

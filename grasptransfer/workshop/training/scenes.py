@@ -39,7 +39,8 @@ class PoseNoise:
 
 
 NO_NOISE = PoseNoise(0.0, 0.0)
-WIDE_NOISE = PoseNoise(0.05, np.deg2rad(10))  # only beside a box, on which the pose is then centred
+# Such errors come with a box only, on which the pose is then centred.
+WIDE_NOISE = PoseNoise(0.05, np.deg2rad(10))
 TRAINING_NOISES = (NO_NOISE, PoseNoise(0.01, np.deg2rad(3)), WIDE_NOISE)
 TRAINING_NOISE_SHARES = (0.4, 0.35, 0.25)
 
@@ -79,8 +80,9 @@ def draw_lighting(rng: np.random.Generator) -> Lighting:
     """One to four lights, from dim and flat to one harsh lamp, slightly coloured."""
     count = rng.integers(1, 5)
     directions = rng.normal(size=(count, 3))
-    directions[:, 2] = -np.abs(directions[:, 2]) * rng.choice([1, 1, 1, -0.3], count)  # mostly from behind us
-    directions[:, 1] -= 0.8  # and from above
+    # Most lights come from behind the camera.
+    directions[:, 2] = -np.abs(directions[:, 2]) * rng.choice([1, 1, 1, -0.3], count)
+    directions[:, 1] -= 0.8  # Most lights come from above.
     tint = 1 + rng.normal(0, 0.06, (count, 3))
     strength = rng.dirichlet(np.ones(count))[:, None] * rng.uniform(1.5, 6.0)
     return Lighting(rng.uniform(0.1, 0.8), directions, np.clip(tint * strength, 0.01, None))

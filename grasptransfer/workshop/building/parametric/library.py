@@ -99,7 +99,7 @@ def compact(scene: trimesh.Scene) -> trimesh.Scene:
         if image.mode == "RGB" and max(image.size) >= SMALLEST_JPEG:
             buffer = io.BytesIO()
             image.save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-            image = Image.open(buffer)  # its format tells the GLB writer to keep it a JPEG
+            image = Image.open(buffer)  # Its format lets the GLB writer keep it as JPEG.
         material.baseColorTexture = image
     return scene
 

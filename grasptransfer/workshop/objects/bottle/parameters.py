@@ -76,7 +76,7 @@ class BottleParameters:
         kind, drawn = load_recipe("bottle").draw(rng)
         values: dict[str, Any] = {**drawn}
         half = values["half_width"] = values.get("half_width", values.pop("slim", 0) * values["height"])
-        if "cap_share" in values:  # wide caps follow the body, and the neck follows the cap
+        if "cap_share" in values:  # Wide caps follow the body, and the neck follows the cap.
             values["cap_radius"] = values.pop("cap_share") * half * values["taper"]
             values["neck_radius"] = values["cap_radius"] * rng.uniform(0.80, 0.94) - 0.0005
         else:

@@ -113,7 +113,7 @@ def lens(p: CameraParameters) -> Surface:
     profile = np.stack([p.lens_radius * np.concatenate([radius, inner]), x], -1)
     profile[:2, 1] = -0.25 * p.depth
     sections = np.repeat(circle(48, _DOWN)[None], len(profile), axis=0)
-    depth = 0.012 * min(1.0, length / 0.05)  # ribs on a short steep barrel would be spikes
+    depth = 0.012 * min(1.0, length / 0.05)  # Ribs on a short steep barrel would be spikes.
     ripple = (1 + depth * np.cos(np.arange(48) * np.pi))[:, None]
     sections[7:9] *= ripple
     sections[11:13] *= ripple

@@ -81,7 +81,7 @@ class DrillParameters:
         if rng.random() < 0.1:
             drawn["pitch"] = rng.uniform(4, 16)
         drill = replace(cls(), **{name: float(value) for name, value in drawn.items()})
-        excess = max(drill.foot_front - drill.chuck_tip + 0.004, 0.0)  # the foot ends behind the chuck
+        excess = max(drill.foot_front - drill.chuck_tip + 0.004, 0.0)  # The foot ends behind the chuck.
         return replace(
             drill, foot_forward=drill.foot_forward - excess / (drill.foot_length - drill.handle_depth)
         )

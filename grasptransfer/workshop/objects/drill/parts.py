@@ -157,7 +157,7 @@ def trigger(p: DrillParameters) -> Surface:
     high = p.foot_height + p.handle_length - 0.003
     z = high - p.trigger_length * (1 - s)
     hook = p.trigger_reach * (0.72 + 0.28 * np.cos(2 * np.pi * s) + 0.1 * s)
-    end = np.sqrt(1 - np.clip(np.abs(2 * s - 1) - 0.75, 0, 1) ** 2 / 0.25**2 * 0.9)  # round ends
+    end = np.sqrt(1 - np.clip(np.abs(2 * s - 1) - 0.75, 0, 1) ** 2 / 0.25**2 * 0.9)  # The ends are round.
     inside, outside = p.handle_x(z) + 0.2 * p.handle_depth, p.handle_x(z) + p.handle_depth / 2 + hook * end
     sections = superellipse(24, (outside - inside) / 2, 0.27 * p.handle_width * (0.85 + 0.15 * end), 3.0)
     sections[..., 0] += ((outside + inside) / 2)[:, None]

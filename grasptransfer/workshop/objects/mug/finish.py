@@ -63,7 +63,7 @@ def _two_tone(p: MugParameters, rng: np.random.Generator) -> tuple[Material, Mat
     _fill(image, (V_RIM, 1.0), inside)
     if rng.random() < 0.5:
         _fill(image, (V_OUTSIDE, V_RIM), inside)
-    if rng.random() < 0.3:  # the lower part is bare clay or another glaze
+    if rng.random() < 0.3:  # The lower part is bare clay or another glaze.
         _fill(image, (0.0, rng.uniform(0.12, 0.4)), textures.draw_colour(rng))
     if rng.random() < 0.2:  # halves: the handle's side differs
         half = textures.canvas(64, 64, textures.draw_colour(rng))

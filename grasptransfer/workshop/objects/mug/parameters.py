@@ -75,7 +75,7 @@ class MugParameters:
         kind, drawn = load_recipe("mug").draw(rng)
         values: dict[str, Any] = {**drawn}
         values |= _draw_handle(rng, values["height"])
-        if rng.random() < 0.55:  # half of all mugs stand flat, without a visible foot
+        if rng.random() < 0.55:  # Half of all mugs stand flat, without a visible foot.
             values |= {"foot": 0.0006, "foot_inset": 0.0}
         if rng.random() < 0.06:
             values["square"] = float(rng.uniform(2.6, 5))

@@ -116,12 +116,12 @@ class SprayBottleFinish:
             "sides": [(middle - half, low, middle + half, high) for middle in _SIDES],
             "none": [],
         }[self.labels]
-        if regions:  # both sides are printed alike
+        if regions:  # Both sides are printed alike.
             u0, v0, u1, v1 = regions[0]
             printed = label(rng, *patch_size((u1 - u0) * around, (v1 - v0) * height, long_side=224))
         for region in regions:
             paste(image, printed, region)
-            paste(opaque, Image.new("L", (8, 8), 255), region)  # it hides what is behind
+            paste(opaque, Image.new("L", (8, 8), 255), region)  # The label hides the liquid behind it.
         worn(image, rng, self.wear)
         pixels = grained(image, rng, 2)
         return np.dstack([pixels, np.asarray(opaque)]) if self.kind == "clear" else pixels

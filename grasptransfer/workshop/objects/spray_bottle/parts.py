@@ -150,7 +150,7 @@ def lever(p: SprayBottleParameters) -> Surface:
     """The trigger: a bowed strip that hangs below the nose."""
     s = np.linspace(0, 1, 14)
     lean = np.radians(p.lever_lean)
-    away = p.lever_bow * (4 * (s - 0.45) ** 2 - 0.8)  # hollow where the fingers pull
+    away = p.lever_bow * (4 * (s - 0.45) ** 2 - 0.8)  # The lever is hollow where the fingers pull.
     start_x, start_z = p.lever_at * p.head_front, p.nozzle_z - 0.1 * p.nose_height
     x = start_x + p.lever_length * s * np.sin(lean)
     x += away - away[0]
