@@ -152,7 +152,7 @@ def _register(name: str, clouds: Clouds, settings: CpdSettings, iterations: int)
     source, target, beta, lam = clouds.source, clouds.target, settings.beta, settings.lam
     if name in OURS:
         backend = "numpy" if name.endswith("numpy") else "compiled"
-        prepared = PreparedSource(source, beta=beta)  # The source is prepared anew, so that preparation counts.
+        prepared = PreparedSource(source, beta=beta)  # Its preparation counts in every run.
         result = cpd(prepared, target, lam=lam, tolerance=0.0, max_iterations=iterations, backend=backend)
         return result(source)
     if name == "pycpd":

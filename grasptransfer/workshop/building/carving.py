@@ -74,7 +74,7 @@ def _boundary(points, delaunay: Delaunay, passable: Bool[np.ndarray, "t 4"]) -> 
         (np.ones(passable.sum()), (here[passable], neighbours[passable])), shape=(count + 1, count + 1)
     )
     _, region = connected_components(links, directed=False)
-    solid = region != region[count]  # The outside itself is no tetrahedron.
+    solid = region != region[count]  # The outside itself is not solid.
     open_ = solid[:count, None] & ~solid[neighbours]
     tetrahedron, corner = np.nonzero(open_)
     faces = delaunay.simplices[tetrahedron[:, None], _OPPOSITE[corner]]
