@@ -40,7 +40,7 @@ ROOMS = [
     {"workshop.objects"},
     {"workshop.building"},
     {"workshop.training"},
-    {"workshop.benchmark", "workshop.demo_picture", "workshop.soak"},
+    {"workshop.benchmark", "workshop.demo_picture", "workshop.figures", "workshop.soak"},
     {"cli", "__init__", "__main__"},
 ]
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
