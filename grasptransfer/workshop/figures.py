@@ -47,7 +47,9 @@ def keep_documents(paths: Sequence[Path]) -> None:
         document = json.loads(path.read_text())
         if document.get("benchmark") not in TABLES:
             raise SettingsError("is no benchmark with a table", path=path, choices=TABLES)
-        for key in FOLDERS & document["settings"].keys():  # Where data lie on this machine is nobody's concern.
+        for key in (
+            FOLDERS & document["settings"].keys()
+        ):  # Where data lie on this machine is nobody's concern.
             folder = document["settings"][key]
             document["settings"][key] = None if folder is None else "own data"
         text = json.dumps(_slim(document), indent=1)
