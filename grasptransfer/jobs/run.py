@@ -27,6 +27,8 @@ from grasptransfer.jobs.worker import BEGUN, ERROR
 
 START_TIME = 120.0  # s: on a busy machine a process takes this long to import its packages.
 ATTEMPTS = 3
+# The package has imported the worker's module before `-m` runs it; that is meant, and no reason to warn.
+QUIET = ("-W", "ignore::RuntimeWarning:runpy")
 
 
 class LostError(GraspTransferError):
@@ -182,7 +184,7 @@ class _Worker:
         path = os.pathsep.join(part for part in sys.path if part)
         with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "grasptransfer.jobs.worker", str(theirs.fileno())],
+                [sys.executable, *QUIET, "-m", "grasptransfer.jobs.worker", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.PIPE,  # Nothing is written to it: it closes when this process ends.
                 stdout=subprocess.DEVNULL,
