@@ -146,7 +146,7 @@ def drift(
 
 
 def moved(a_from_b: Float[np.ndarray, "4 4"], step: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
-    """The pose after a turn [rad] about b's origin and a shift [m], along a's axes: what `drift` tells."""
+    """The pose after a turn [rad] about b's origin and a shift [m], along a's axes: what `drift` returns."""
     a_from_moved = a_from_b.copy()
     a_from_moved[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ a_from_b[:3, :3]
     a_from_moved[:3, 3] += step[3:]

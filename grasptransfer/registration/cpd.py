@@ -91,7 +91,7 @@ def cpd(
         trait_std: how much the traits of matching points differ.
         backend: "auto", "compiled" (numba) or "numpy": same results.
         threads: of the E-step; None takes the available cores.
-        callback: is told of each iteration; returning True stops.
+        callback: is called after each iteration; returning True stops the registration.
         strict: raise when the iteration limit is hit.
 
     Raises:

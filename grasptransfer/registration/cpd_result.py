@@ -33,7 +33,7 @@ class CpdStatus(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class CpdProgress:
-    """What a callback is told after each iteration.
+    """What a callback is given after each iteration.
 
     Args:
         iteration: from 1.

@@ -20,7 +20,7 @@ COVERAGE = 0.3  # weight of a visible model point without observed counterpart, 
 
 @dataclass(frozen=True)
 class PosePrior:
-    """How far the told pose may be wrong: standard deviations.
+    """How far the given pose may be wrong: standard deviations.
 
     Args:
         rotation: about each axis [rad].
@@ -76,7 +76,7 @@ class Posed:
         return pose
 
     def points(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "p 3"]:
-        """Model points, told object frame [m]."""
+        """Model points, given object frame [m]."""
         pose = self.pose(state)
         return self._shape(state) @ pose[:3, :3].T + pose[:3, 3]
 

@@ -4,7 +4,7 @@
 | --- | --- |
 | Z + mean(Z) + basis(Z) x | shape: `displacement_model` at the model points |
 | R, t | `told_from_refined`: correction of the pose the cloud was expressed in |
-| p_j | observed points, told object frame |
+| p_j | observed points, given object frame |
 
 First EM with soft matches and a falling variance, as in CPD, but the M-step moves the latent and the
 pose only: it gets past the wrong matches of a first guess. Then nonlinear least squares on nearest
@@ -64,7 +64,7 @@ class LatentFit:
     Args:
         latent: (k,) standard deviations.
         joint_covariance: (6 + k, 6 + k) posterior covariance of turn about the refined object's origin [rad]
-            and shift [m], both along the told object's axes, and latent; 0 for a pose that was kept.
+            and shift [m], both along the given object axes, and latent; 0 for a pose that was kept.
         told_from_refined: (4, 4) points of the refined object frame in the frame of the cloud.
         residual_rms: of the observed points to their nearest model points [m].
         noise_std: of the matches, as estimated [m].
@@ -106,13 +106,13 @@ def latent_fit(
 
     Args:
         space: of the category.
-        points_object: (m, 3) observed points in the told object frame [m].
+        points_object: (m, 3) observed points in the given object frame [m].
         model_points: (p, 3) canonical surface points to match [m]; the control points by default. Denser
             ones fit better.
         initial_pose: (4, 4) first guess of `told_from_refined`; the identity by default.
         refine_pose: fit the pose, too.
-        pose_prior: how wrong the told pose may be; `PosePrior.of_scale` by default.
-        viewpoint: (3,) where the cloud was seen from, told object frame [m]; then hidden model points are
+        pose_prior: how wrong the given pose may be; `PosePrior.of_scale` by default.
+        viewpoint: (3,) where the cloud was seen from, given object frame [m]; then hidden model points are
             not matched, and visible ones are drawn to the cloud. None where it was seen from all sides.
         robust_scale: residuals beyond this many standard deviations count less.
         sliding: how freely matches slide along the surface, 0 to 1: at 0 the distance between points is

@@ -30,7 +30,7 @@ def run_demo(
         out: folder for report.html, grasps.yaml and reconstruction.glb.
         seed: of everything random.
         estimator: as of `transfer_grasps`.
-        on_stage: told in one line what is done next.
+        on_stage: is called with one line that says what is done next.
 
     Raises:
         GraspTransferError: `out` is a file, or something of the bundled files is missing.
