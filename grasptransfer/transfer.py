@@ -28,11 +28,11 @@ from grasptransfer.grasping import (
     Scene,
     WarpedGrasp,
     check_grasps,
-    doubt_unlikely,
     expand_symmetry,
     load_grasps,
     load_gripper,
     load_scene,
+    mark_unlikely,
     place_grasps,
     rank_grasps,
     refine_grasps,
@@ -152,20 +152,20 @@ class GraspTransfer:
             world_from_camera: where the camera stands [m]; the grasps then have a pose in the world, too.
         """
         with single_blas_thread():
-            reached = self.reach(estimate, scene=scene)
+            planned = self.plan(estimate, scene=scene)
             start, pose = time.perf_counter(), estimate.camera_from_object
-            chances = rank_grasps(reached.grasps, reached.checks, self.gripper, plausible=reached.plausible)
+            chances = rank_grasps(planned.grasps, planned.checks, self.gripper, plausible=planned.plausible)
         trust = estimate.trust
         scores = [trust * chance for chance in chances]
-        checks = doubt_unlikely(reached.checks, scores, trust=trust)
-        timings = estimate.timings | reached.timings | {"rank": time.perf_counter() - start}
+        checks = mark_unlikely(planned.checks, scores, trust=trust)
+        timings = estimate.timings | planned.timings | {"rank": time.perf_counter() - start}
         grasps = [
             TransferredGrasp(warped, check, score, pose, self.gripper, world_from_camera)
-            for warped, check, score in zip(reached.grasps, checks, scores, strict=True)
+            for warped, check, score in zip(planned.grasps, checks, scores, strict=True)
         ]
         return TransferResult(
             grasps=tuple(sorted(grasps, key=lambda grasp: (not grasp.usable, -grasp.score))),
-            mesh=reached.mesh,
+            mesh=planned.mesh,
             estimate=estimate,
             timings=timings,
             category=self.category,
@@ -174,7 +174,7 @@ class GraspTransfer:
             scene=scene,
         )
 
-    def reach(self, estimate: ShapeEstimate, *, scene: Scene | None = None) -> Reached:
+    def plan(self, estimate: ShapeEstimate, *, scene: Scene | None = None) -> PlannedGrasps:
         """Warp, refine, check and place the grasps on an estimated shape: all but their ranking."""
         timings, last = {}, time.perf_counter()
 
@@ -196,11 +196,11 @@ class GraspTransfer:
         lap("doubt")
         grasps, checks = place_grasps(refined, checks, world, self.gripper, plausible=plausible)
         lap("place")
-        return Reached(mesh, grasps, checks, plausible, timings)
+        return PlannedGrasps(mesh, grasps, checks, plausible, timings)
 
 
 @dataclass(frozen=True)
-class Reached:
+class PlannedGrasps:
     """Transferred grasps before their ranking.
 
     Args:

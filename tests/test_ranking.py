@@ -8,14 +8,14 @@ from grasptransfer.category import load_category
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import PlausibleObjects, check_grasps, load_gripper, on_canonical, rank_grasps
 from grasptransfer.grasping.grasps import Grasp
-from grasptransfer.grasping.plausible import Doubt, enclosed
+from grasptransfer.grasping.plausible import UnknownErrors, enclosed
 from grasptransfer.grasping.ranking import grasp_features
 from grasptransfer.grasping.success_model import FEATURES
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.transfer import reconstruct
 
 PANDA = load_gripper("panda")
-SURE = Doubt(draws=16, shift=1e-5, turn=1e-4)
+SURE = UnknownErrors(draws=16, shift=1e-5, turn=1e-4)
 FROM_ABOVE = np.diag([1.0, -1, -1])  # camera looking down the object's z, its x along the object's
 
 
@@ -40,9 +40,9 @@ def along_ray(deviation):
     return covariance
 
 
-def drawn(category, estimate, *, seed=0, doubt=SURE):
+def drawn(category, estimate, *, seed=0, unknown=SURE):
     mesh = reconstruct(category, estimate.field)
-    return PlausibleObjects.draw(mesh, category, estimate, seed=seed, doubt=doubt)
+    return PlausibleObjects.draw(mesh, category, estimate, seed=seed, unknown=doubt)
 
 
 def moved(plausible):
@@ -166,7 +166,7 @@ def test_what_reaches_deep_into_the_palm_is_lost_however_well_the_pads_hold_it()
 def test_what_two_overlapping_parts_fill_weighs_once():
     block, other = trimesh.creation.box([0.04, 0.04, 0.1]), trimesh.creation.box([0.04, 0.04, 0.1])
     other.apply_translation([0.0, 0.0, 0.05])
-    plausible = PlausibleObjects.draw(block + other, doubt=SURE)
+    plausible = PlausibleObjects.draw(block + other, unknown=SURE)
     assert plausible.mass == pytest.approx(500 * 0.04 * 0.04 * 0.15)
     assert plausible.centres.mean(axis=0) == pytest.approx([0, 0, 0.025], abs=1e-4)
 
@@ -213,7 +213,7 @@ def test_a_cavity_weighs_nothing():
     cavity, knob = trimesh.creation.box([0.03, 0.03, 0.08]), trimesh.creation.box([0.02, 0.02, 0.02])
     cavity.invert()
     knob.apply_translation([0.0, 0.0, 0.055])
-    plausible = PlausibleObjects.draw(hollow + cavity + knob, doubt=SURE)
+    plausible = PlausibleObjects.draw(hollow + cavity + knob, unknown=SURE)
     filled = 0.05 * 0.05 * 0.1 - 0.03 * 0.03 * 0.08 + 0.02 * 0.02 * 0.015
     assert plausible.mass == pytest.approx(500 * filled)
 
@@ -221,8 +221,8 @@ def test_a_cavity_weighs_nothing():
 def test_a_reconstruction_weighs_what_its_canonical_model_does():
     camera = load_category("camera")
     mesh = camera.canonical
-    alone = PlausibleObjects.draw(mesh, doubt=SURE)
-    among = PlausibleObjects.draw(mesh, camera, doubt=SURE)
+    alone = PlausibleObjects.draw(mesh, unknown=SURE)
+    among = PlausibleObjects.draw(mesh, camera, unknown=SURE)
     assert among.mass == pytest.approx(alone.mass)
     assert among.centres.mean(axis=0) == pytest.approx(alone.centres.mean(axis=0), abs=1e-5)
     assert among.mass.max() < 0.9 * 500 * abs(mesh.volume)

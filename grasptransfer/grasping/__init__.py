@@ -19,7 +19,7 @@ from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
 from grasptransfer.grasping.placed_grasp import PlacedGrasp, placed_at
 from grasptransfer.grasping.placement import place_grasps
 from grasptransfer.grasping.plausible import PlausibleObjects
-from grasptransfer.grasping.ranking import doubt_unlikely, rank_grasps
+from grasptransfer.grasping.ranking import mark_unlikely, rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
 from grasptransfer.grasping.scene import Scene, load_scene
 from grasptransfer.grasping.surface import Surface
@@ -40,12 +40,12 @@ __all__ = [
     "Symmetry",
     "WarpedGrasp",
     "check_grasps",
-    "doubt_unlikely",
     "expand_symmetry",
     "list_grippers",
     "load_grasps",
     "load_gripper",
     "load_scene",
+    "mark_unlikely",
     "on_canonical",
     "place_grasps",
     "placed_at",

@@ -27,13 +27,13 @@ LARGEST_GROWTH = (0.5, 2.0)  # of a drawn volume: beyond, its motion is not smal
 
 
 @dataclass(frozen=True)
-class Doubt:
+class UnknownErrors:
     """How plausible objects are drawn.
 
     Args:
         draws: shapes and poses per call.
         shift, turn: standard deviation, along each axis, of the pose's errors that no estimate knows of:
-            the hand's, and those of a told pose that was not refined [m, rad].
+            the hand's, and those of a given pose that was not refined [m, rad].
         density: of the object [kg/m3], the simulation protocols' guess.
     """
 
@@ -65,24 +65,24 @@ class PlausibleObjects:
         estimate: "ShapeEstimate | None" = None,
         *,
         seed: int = 0,
-        doubt: Doubt | None = None,
+        unknown: UnknownErrors | None = None,
     ) -> "PlausibleObjects":
         """Draw around a reconstruction.
 
         Args:
             mesh: the reconstruction, object frame [m].
-            category, estimate: whose posterior is drawn from; without them only `doubt` varies the pose.
+            category, estimate: whose posterior is drawn from; without them only `unknown` varies the pose.
             seed: of the draws.
         """
         import trimesh
 
-        doubt, rng = doubt or Doubt(), np.random.default_rng(seed)
+        unknown, rng = unknown or UnknownErrors(), np.random.default_rng(seed)
         sampled = trimesh.sample.sample_surface(mesh, SURFACE_POINTS, seed=0)
         points, faces = np.asarray(sampled[0]), np.asarray(sampled[1])
-        motions = _rigid(_pairs(rng, doubt.draws, np.diag([doubt.turn**2] * 3 + [doubt.shift**2] * 3)))
-        shaped = np.tile(points, (doubt.draws, 1, 1))
+        motions = _rigid(_pairs(rng, unknown.draws, np.diag([unknown.turn**2] * 3 + [unknown.shift**2] * 3)))
+        shaped = np.tile(points, (unknown.draws, 1, 1))
         if category is not None and estimate is not None and estimate.covariance is not None:
-            drawn = _pairs(rng, doubt.draws, estimate.covariance)
+            drawn = _pairs(rng, unknown.draws, estimate.covariance)
             motions = _rigid(_turned(drawn[:, :6], estimate.camera_from_object)) @ motions
             basis = _basis(points, faces, mesh, category)
             shaped += (basis.reshape(-1, basis.shape[2]) @ drawn[:, 6:].T).T.reshape(shaped.shape)
@@ -92,7 +92,7 @@ class PlausibleObjects:
             points=shaped @ turns + shifts,
             normals=mesh.face_normals[faces] @ turns,
             centres=(centres[:, None] @ turns + shifts)[:, 0],
-            mass=np.clip(doubt.density * volumes, *MASS_LIMITS),
+            mass=np.clip(unknown.density * volumes, *MASS_LIMITS),
         )
 
     def some(self, count: int) -> "PlausibleObjects":

@@ -63,7 +63,7 @@ def grasp_features(
     ]
 
 
-def doubt_unlikely(
+def mark_unlikely(
     checks: Sequence[GraspCheck],
     scores: Sequence[float],
     *,
@@ -76,14 +76,14 @@ def doubt_unlikely(
         trust: chance that the picture shows the category, which the scores contain.
     """
     return [
-        replace(check, status=CheckStatus.UNLIKELY_TO_HOLD, reason=_doubt(score, trust))
+        replace(check, status=CheckStatus.UNLIKELY_TO_HOLD, reason=_why_unlikely(score, trust))
         if check.usable and score < least_chance
         else check
         for check, score in zip(checks, scores, strict=True)
     ]
 
 
-def _doubt(score: float, trust: float) -> str:
+def _why_unlikely(score: float, trust: float) -> str:
     if trust < 0.5:
-        return f"expected success {score:.0%}: the picture hardly shows this category at the told pose"
+        return f"expected success {score:.0%}: the picture hardly shows this category at the given pose"
     return f"expected success {score:.0%} over the shapes and poses that the picture leaves possible"

@@ -136,7 +136,7 @@ def _in_camera_axes(
 
 
 def depth_cloud(observation: Observation) -> Float[np.ndarray, "m 3"]:
-    """Measured points of the object, in the object frame of the told pose [m].
+    """Measured points of the object, in the object frame of the given pose [m].
 
     Raises:
         ImageError: no depth, no mask or box to tell the object apart, or too few measured pixels.

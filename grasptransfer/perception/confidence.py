@@ -44,7 +44,7 @@ class Confidence:
     def widened_with_pose(self, covariance: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "s s"]:
         """The joint covariance over turn, shift and latent with the latent's part widened.
 
-        How the pose goes with the latent (distance with size) stays, and so does its own doubt.
+        How the pose goes with the latent (distance with size) stays, and so does its own uncertainty.
         """
         latent, widened = covariance[6:, 6:], self.widened(covariance[6:, 6:])
         pose_by_latent = np.linalg.solve(latent, covariance[6:, :6]).T

@@ -37,7 +37,7 @@ def view_from_object(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.n
     """Rotation from object axes to view axes: z along the ray to the object's origin, x right, y down.
 
     In view axes an offset's first two components are what moves in the picture, wherever in it the
-    object is: far easier to learn than object axes, and the told pose turns them back exactly.
+    object is: far easier to learn than object axes, and the given pose turns them back exactly.
     """
     return towards(camera_from_object[:3, 3]).T @ camera_from_object[:3, :3]
 
@@ -46,7 +46,7 @@ def zoom_for(model_box: Box, box: Box | None) -> tuple[Box, Float32[np.ndarray, 
     """The zoom's box in the whole picture, and the told box in zoomed pixels (NaN: none told).
 
     Args:
-        model_box: around the model at the told pose.
+        model_box: around the model at the given pose.
         box: around the object; None searches around the model.
     """
     if box is None:

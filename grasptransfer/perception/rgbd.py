@@ -144,7 +144,7 @@ class _Fit:
 
     def _own_surface(self, jacobian, facing, gap, share: float) -> Float[np.ndarray, "p"]:
         """How likely each measured depth is that of the model's surface; estimates the others' share."""
-        deviation = np.sqrt(NOISE**2 + self._doubt(jacobian)) / np.maximum(facing, 1e-3)
+        deviation = np.sqrt(NOISE**2 + self._uncertainty(jacobian)) / np.maximum(facing, 1e-3)
         density = np.exp(-0.5 * np.square(gap / deviation)) / (np.sqrt(2 * np.pi) * deviation)
         own = np.zeros(len(gap))
         for _ in range(BELIEFS):
@@ -153,7 +153,7 @@ class _Fit:
             self._astray = (1 + share * (1 - own).sum()) / (2 + share * len(own))  # all shares alike before
         return own
 
-    def _doubt(self, jacobian) -> Float[np.ndarray, "p"]:
+    def _uncertainty(self, jacobian) -> Float[np.ndarray, "p"]:
         """Variance of the residuals from what is not known of pose and latent [m^2]."""
         return np.einsum("pi,ij,pj->p", jacobian, self._covariance, jacobian)
 

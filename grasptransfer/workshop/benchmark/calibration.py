@@ -187,12 +187,12 @@ def _execute_on(settings: CalibrationSettings, category: str, name: str) -> dict
 
 def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list[Executed]:
     estimate = flow.estimator(observation)
-    reached = flow.reach(estimate)
-    features = grasp_features(reached.grasps, reached.checks, flow.gripper, plausible=reached.plausible)
-    usable = np.array([i for i, check in enumerate(reached.checks) if check.usable], int)
+    planned = flow.plan(estimate)
+    features = grasp_features(planned.grasps, planned.checks, flow.gripper, plausible=planned.plausible)
+    usable = np.array([i for i, check in enumerate(planned.checks) if check.usable], int)
     rng = np.random.default_rng(settings.seed)
     usable = rng.permutation(usable)[:MOST_GRASPS]  # Many members of a symmetry family are alike.
-    chosen = [reached.grasps[i] for i in usable]
+    chosen = [planned.grasps[i] for i in usable]
     placed = as_executed(chosen, estimated_pose=estimate.camera_from_object, true_pose=pose)
     trials = simulate(placed, instance.solid, flow.gripper, protocol=settings.protocol, seed=settings.seed)
     return [
