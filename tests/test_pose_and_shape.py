@@ -95,5 +95,7 @@ def test_the_distance_may_move_as_far_as_the_place_across_the_ray_was_wrong(alon
 def test_a_picture_that_says_nothing_leaves_the_pose_as_unsure_as_it_was_given():
     _, points, model, pose, latent = _case(5)
     fit = _fit(_motion(points, model, pose, latent, scale=1e6), points, model, pose, (0.01, 2.0))
-    given = np.sqrt(np.diag(covariance_of((0.01, 2.0)))) * np.sqrt(5 / 11)  # at the centre of Student's
+    covariance = covariance_of((0.01, 2.0))
+    assert covariance is not None
+    given = np.sqrt(np.diag(covariance)) * np.sqrt(5 / 11)  # At the centre of Student's distribution.
     np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)[:6]), given, rtol=0.02)

@@ -42,7 +42,7 @@ def along_ray(deviation):
 
 def drawn(category, estimate, *, seed=0, unknown=SURE):
     mesh = reconstruct(category, estimate.field)
-    return PlausibleObjects.draw(mesh, category, estimate, seed=seed, unknown=doubt)
+    return PlausibleObjects.draw(mesh, category, estimate, seed=seed, unknown=unknown)
 
 
 def moved(plausible):

@@ -191,7 +191,7 @@ def _readme_table(documents: Sequence[tuple[str, dict]]) -> str:
         else:
             continue
         if views:
-            lines.append([name, str(views), *cells])
+            lines.append([name.replace("-", " "), str(views), *cells])
     heads = ["best-ranked grasp, held", "views", "true field", "**rgb**", "similarity", "rigid"]
     return _table(heads, lines)
 
