@@ -1,7 +1,6 @@
 """ACRONYM h5: poses of the gripper base with the TCP's axes, a flag for each, and the scaled mesh."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from grasptransfer.grasping.formats.grasp_set import (
 )
 from grasptransfer.grasping.formats.hand_of_file import choose_gripper
 from grasptransfer.grasping.gripper import Gripper
-
-if TYPE_CHECKING:
-    pass
 
 TRANSFORMS = "grasps/transforms"
 FLAGS = "grasps/qualities/flex/object_in_gripper"
