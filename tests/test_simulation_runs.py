@@ -47,8 +47,9 @@ def test_a_crashed_or_hanging_worker_loses_only_its_trial(reference, number):
     def disturb(done, of):
         busy = [child for child in psutil.Process().children() if "jobs.worker" in " ".join(child.cmdline())]
         if not disturbed:
-            disturbed.append(busy[0])
-            busy[0].send_signal(number)
+            # The one that has worked longest has ended its start, for which a process has two minutes.
+            disturbed.append(max(busy, key=lambda process: sum(process.cpu_times())))
+            disturbed[0].send_signal(number)
 
     results = simulate(GRASPS, BOX, trials=3, seed=5, workers=2, trial_limit=6.0, on_trial=disturb)
     lost = [i for i, result in enumerate(results) if result.status is TrialStatus.CRASHED]

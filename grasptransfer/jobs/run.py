@@ -200,13 +200,14 @@ class _Worker:
     def give(self, index: int, message: bytes, limit: float | None) -> None:
         """Send the process a piece; its first piece comes after the shared arguments."""
         self.index, self.limit = index, limit
+        time_to_begin = START_TIME if self._shared is not None else limit or float("inf")
         # A process that has ended is noticed by the next read.
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             if self._shared is not None:
                 self.connection.send_bytes(self._shared)
                 self._shared = None
             self.connection.send_bytes(message)
-        self.deadline = time.monotonic() + START_TIME
+        self.deadline = time.monotonic() + time_to_begin
 
     def answer(self) -> Ended | None:
         """The ended piece; None if the process has only said that it begins the piece."""
