@@ -252,7 +252,8 @@ def transfer_grasps(
         gripper: name, YAML path or loaded `Gripper`.
         grasps: a grasp file for this category in place of its own, or None.
         box: (u0, v0, u1, v1) around the object [px], as a detector gives it, or None.
-        mask: bool (h, w) of what is seen of the object, taken as it is, or None; a box is taken here, too.
+        mask: bool (h, w) of what is seen of the object, taken as it is; or a segmenter or detector, a
+            callable from the picture, uint8 (h, w, 3) RGB, to mask or box; or None.
         depth: (h, w) metres, 0 = missing; for the estimators that use depth.
         scene: obstacles and a support plane, or the path of a scene YAML; optional.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.

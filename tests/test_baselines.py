@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import grasptransfer as gt
 from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.errors import ImageError
 from grasptransfer.frames import rigid
 from grasptransfer.perception.baselines import ClsEstimator, CpdEstimator, SimilarityEstimator
 from grasptransfer.perception.estimate import EstimateStatus
@@ -62,6 +63,12 @@ def test_cls_states_the_pose_s_doubt_along_the_camera_s_axes(mug, seen):
     whole = np.eye(len(first))
     whole[:3, :3] = whole[3:6, 3:6] = turn
     np.testing.assert_allclose(second, whole @ first @ whole.T, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [ClsEstimator, CpdEstimator])
+def test_a_box_does_not_serve_where_depth_is_cut_out_by_a_mask(kind, mug, seen):
+    with pytest.raises(ImageError, match="a box also holds depth"):
+        kind(mug)(replace(seen, mask=None))
 
 
 def test_cpd_that_stops_at_its_limit_says_so(mug, seen, monkeypatch):

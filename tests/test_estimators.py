@@ -1,10 +1,12 @@
 """One registry of estimators serves the API, the commands and the benchmarks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import grasptransfer as gt
-from grasptransfer.errors import ImageError, SettingsError
+from grasptransfer.errors import ImageError, SettingsError, WeightsError
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.perception.observation import observe
 from grasptransfer.transfer import ESTIMATORS as OFFERED
@@ -26,6 +28,13 @@ def test_an_estimator_refuses_a_picture_without_what_the_registry_says_it_needs(
             estimator(seen)
     else:
         assert estimator(seen).field(np.zeros((1, 3))).shape == (1, 3)
+
+
+def test_an_untrained_category_is_told_what_serves_until_it_is_trained():
+    mug = gt.load_category("mug")
+    untrained = replace(mug, name="teapot")
+    with pytest.raises(WeightsError, match=r"grasptransfer train .*'cls' serves, with depth and a mask"):
+        make_estimator("rgb", untrained)
 
 
 def test_rgbd_answers_without_depth_as_rgb_does(seen):

@@ -112,6 +112,10 @@ def test_a_pose_out_of_view_is_refused(translation, word):
         ({"mask": np.zeros((120, 160), bool)}, "empty"),
         ({"mask": np.zeros((10, 10), bool)}, "120"),
         ({"mask": (50, 50, 40, 60)}, "u0 < u1"),
+        ({"box": (90, 60, 40, 50)}, r"u0 \+ width"),
+        ({"box": (0.2, 0.3, 0.6, 0.9)}, "shares of the picture"),
+        ({"mask": lambda picture: None}, "found no object"),
+        ({"mask": lambda picture: picture[:5, :5, 0] > 0}, "120"),
         ({"mask": (1000, 1000, 1100, 1100)}, "outside"),
         ({"mask": (0, 0, 20_000, 20_000)}, "beyond"),
         ({"mask": ("a", "b", "c", "d")}, "numbers"),
@@ -132,6 +136,21 @@ def test_a_mask_gives_its_box():
     observation = observe(RGB, POSE, camera=CAMERA, mask=mask)
     assert observation.box == (30, 20, 69, 39)
     assert observation.mask.dtype == bool
+
+
+def test_a_segmenter_or_detector_is_a_callable_of_the_picture():
+    def segment(picture):
+        mask = picture.max(2) < 256
+        mask[:, :50] = False
+        picture[:] = 0  # what it writes does not reach the observation
+        return mask
+
+    observation = observe(RGB, POSE, camera=CAMERA, mask=segment)
+    assert observation.box == (50, 0, 159, 119)
+    np.testing.assert_array_equal(observation.image, RGB)
+    detected = observe(RGB, POSE, camera=CAMERA, mask=lambda picture: (10, 20, 60, 70))
+    assert detected.box == (10, 20, 60, 70)
+    assert detected.mask is None
 
 
 def test_missing_depth_becomes_zero():

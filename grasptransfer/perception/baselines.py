@@ -139,19 +139,17 @@ def depth_cloud(observation: Observation) -> Float[np.ndarray, "m 3"]:
     """Measured points of the object, in the object frame of the given pose [m].
 
     Raises:
-        ImageError: no depth, no mask or box to tell the object apart, or too few measured pixels.
+        ImageError: no depth, no mask to tell the object apart, or too few measured pixels.
     """
     if observation.depth is None:
         raise ImageError("this estimator needs a depth picture", key="depth", value=None)
-    measured = observation.depth > 0
-    if observation.mask is not None:
-        measured &= observation.mask
-    elif observation.box is None:
-        raise ImageError("this estimator needs a mask or a box around the object", key="mask", value=None)
-    else:
-        v, u = np.mgrid[0 : measured.shape[0], 0 : measured.shape[1]]
-        u0, v0, u1, v1 = observation.box
-        measured &= (u >= u0) & (u <= u1) & (v >= v0) & (v <= v1)
+    if observation.mask is None:
+        lacks = "this estimator needs a mask of the object"
+        if observation.box is not None:
+            lacks += ": a box also holds depth of what lies around it"
+        fix = "Give mask=, a picture or a segmenter"
+        raise ImageError(lacks, key="mask", value=None, fix=fix)
+    measured = (observation.depth > 0) & observation.mask
     v, u = np.nonzero(measured)
     if len(v) < FEWEST_POINTS:
         raise ImageError(

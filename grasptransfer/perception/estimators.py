@@ -56,6 +56,7 @@ class EstimatorSpec:
         sentence: what it does, without a full stop, for help and documents.
         needs_depth: it uses a depth picture; without one it refuses, or says no more than the picture does.
         needs_box: it refuses a picture without box or mask.
+        needs_mask: it refuses a picture without mask: a box also holds depth of what lies around.
         field_holds_pose: its field also takes up the error of the given pose, as it knows no category.
         bound: no method, but what methods are measured against.
     """
@@ -64,6 +65,7 @@ class EstimatorSpec:
     sentence: str
     needs_depth: bool = False
     needs_box: bool = False
+    needs_mask: bool = False
     field_holds_pose: bool = False
     bound: bool = False
 
@@ -152,9 +154,16 @@ def _rigid(category: Category, _: EstimatorSettings) -> Estimator:
 ESTIMATORS: dict[str, EstimatorSpec] = {
     "rgb": EstimatorSpec(_rgb, "shape and pose from one picture, by the trained network"),
     "rgbd": EstimatorSpec(_rgbd, "rgb, corrected by measured depth", needs_depth=True),
-    "cls": EstimatorSpec(_cls, "shape space fitted to the depth cloud", needs_depth=True, needs_box=True),
+    "cls": EstimatorSpec(
+        _cls, "shape space fitted to the depth cloud", needs_depth=True, needs_box=True, needs_mask=True
+    ),
     "cpd": EstimatorSpec(
-        _cpd, "CPD to the depth cloud", needs_depth=True, needs_box=True, field_holds_pose=True
+        _cpd,
+        "CPD to the depth cloud",
+        needs_depth=True,
+        needs_box=True,
+        needs_mask=True,
+        field_holds_pose=True,
     ),
     "similarity": EstimatorSpec(_similarity, "the canonical model in another size", needs_box=True),
     "rigid": EstimatorSpec(_rigid, "the canonical model as it is"),

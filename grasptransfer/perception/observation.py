@@ -1,6 +1,7 @@
 """What the robot saw, checked: the input of every estimator."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,7 +53,9 @@ def observe(image, pose, *, camera=None, box=None, mask=None, depth=None, pose_s
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None: the focal length in the
             photograph's EXIF data, else 60 degrees horizontal field of view, with a warning.
         box: (u0, v0, u1, v1) around the object [px], or None.
-        mask: bool (h, w) of the object's visible part, or, in place of `box`, its four numbers, or None.
+        mask: bool (h, w) of the object's visible part, or, in place of `box`, its four numbers; or a
+            segmenter or detector, a callable that takes the picture, uint8 (h, w, 3) RGB, and gives one of
+            the two; or None.
         depth: (h, w) metres, 0 = missing, or None.
         pose_sigma: how sure the pose is, as of `poses.covariance_of`.
 
@@ -66,6 +69,8 @@ def observe(image, pose, *, camera=None, box=None, mask=None, depth=None, pose_s
     check_in_view(camera_from_object, camera)
     covariance = covariance_of(pose_sigma)
     around = None
+    if callable(mask):
+        mask = _segmented(mask, pixels)
     if mask is not None:
         mask, around = _checked_mask(mask, width, height)
     if box is not None:
@@ -170,6 +175,14 @@ def _to_rgb(image: np.ndarray, source: Path | None) -> UInt8[np.ndarray, "h w 3"
     return np.ascontiguousarray(image)
 
 
+def _segmented(segment: Callable, pixels: UInt8[np.ndarray, "h w 3"]) -> object:
+    """What a segmenter or detector says of a picture, which it may write into."""
+    mask = segment(pixels.copy())
+    if mask is None:
+        raise ImageError("the callable found no object in the picture", key="mask", value=None)
+    return mask
+
+
 def _checked_mask(mask, width: int, height: int) -> tuple[np.ndarray | None, Box]:
     array = np.asarray(mask)
     if array.dtype.kind not in "biuf":
@@ -207,7 +220,17 @@ def _box_of(box, width: int, height: int) -> Box:
 def _checked_box(box: Box, width: int, height: int, *, key: str = "mask") -> Box:
     u0, v0, u1, v1 = box
     if not np.isfinite(box).all() or u1 <= u0 or v1 <= v0:
-        raise ImageError("box must be (u0, v0, u1, v1) with u0 < u1 and v0 < v1", key=key, value=box)
+        fix = "Is it (u0, v0, width, height)? Then give (u0, v0, u0 + width, v0 + height)"
+        positive = np.isfinite(box).all() and min(box) >= 0
+        raise ImageError(
+            "box must be (u0, v0, u1, v1) with u0 < u1 and v0 < v1",
+            key=key,
+            value=box,
+            fix=fix if positive else None,
+        )
+    if max(box) <= 1:
+        fix = f"Is it in shares of the picture's sides? Multiply by {width} and {height}"
+        raise ImageError("box is smaller than a pixel", key=key, value=box, fix=fix)
     if u1 < 0 or v1 < 0 or u0 > width or v0 > height:
         raise ImageError(f"box lies outside the picture of {width} x {height}", key=key, value=box)
     # An object half in view may be boxed whole; more than a picture beyond is a box of another picture.

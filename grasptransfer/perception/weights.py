@@ -180,7 +180,7 @@ def find_weights(category: Category) -> Path:
         key="category",
         value=category.name,
         choices=trained_categories(),
-        fix=f"Train one: {_training(category)}",
+        fix=f"Train one: {_training(category)}. Until then estimator 'cls' serves, with depth and a mask",
     )
 
 

@@ -32,6 +32,8 @@ class Prediction(NamedTuple):
         latent: what the assumed latent lacks, None from a network without this head.
         latent_log_scale: logarithm of the standard deviation of its error.
         match_logit: that the observed object is of the category.
+        flow_spread: how far the members of an ensemble differ in the flow: standard deviation [FLOW_UNIT].
+        mask_spread: and in the mask's probability.
     """
 
     offset: Float[Tensor, "b 3 24 32"]
@@ -42,6 +44,8 @@ class Prediction(NamedTuple):
     latent: Float[Tensor, "b 40"] | None = None
     latent_log_scale: Float[Tensor, "b 40"] | None = None
     match_logit: Float[Tensor, "b"] | None = None
+    flow_spread: Float[Tensor, "b 24 32"] | None = None
+    mask_spread: Float[Tensor, "b 48 64"] | None = None
 
 
 Network = TypeVar("Network", bound=nn.Module)

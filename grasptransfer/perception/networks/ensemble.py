@@ -21,12 +21,18 @@ class Ensemble(nn.Module):
         self.members = nn.ModuleList(members)
 
     def forward(self, pictures: Float[Tensor, "b 8 192 256"], category: Int[Tensor, "b"]) -> Prediction:
-        """Predict as a single network does, in single precision."""
+        """Predict as a single network does, in single precision, and how far the members differ."""
         # Of the picture alone: made once for all members.
         features = self.members[0].picture_features(pictures)  # pyright: ignore[reportCallIssue]
         predictions = [member(pictures, category, features) for member in self.members]
         parts = [_mean(parts) for parts in zip(*predictions, strict=True)]
-        return Prediction(*parts)  # pyright: ignore[reportArgumentType]: what no network lacks is not None
+        mean = Prediction(*parts)  # pyright: ignore[reportArgumentType]: what no network lacks is not None
+        flows = torch.stack([each.flow.float() for each in predictions])
+        masks = torch.stack([torch.sigmoid(each.mask_logit.float()) for each in predictions])
+        return mean._replace(
+            flow_spread=flows.var(0, correction=0).sum(1).sqrt(),
+            mask_spread=masks.std(0, correction=0)[:, 0],
+        )
 
 
 def _mean(parts: tuple[Tensor | None, ...]) -> Tensor | None:

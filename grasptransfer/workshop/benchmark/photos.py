@@ -183,12 +183,13 @@ def _measure(
 
 
 def _seen_by(names: Iterable[str], given: Observation, *, told_box: bool) -> dict[str, Observation]:
-    """What each estimator sees of the photograph; those that need a missing box or depth are left out."""
+    """What each estimator sees of the photograph; those that need what it comes without are left out."""
     picture = replace(given, mask=None, depth=None, box=given.box if told_box else None)
     seen = {}
     for name in names:
         spec = ESTIMATORS[name]
-        if (spec.needs_box and given.box is None) or (spec.needs_depth and given.depth is None):
+        needed = (spec.needs_box, given.box), (spec.needs_mask, given.mask), (spec.needs_depth, given.depth)
+        if any(needs and missing is None for needs, missing in needed):
             continue
         seen[name] = given if spec.needs_box or spec.needs_depth else picture
     return seen
