@@ -2,7 +2,7 @@
 
 import sys
 
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 
 # Shapes and types of arguments are checked in every test. The last jaxtyping for Python 3.10 cannot leave the
@@ -10,6 +10,9 @@ from jaxtyping import install_import_hook
 if sys.version_info >= (3, 11):
     install_import_hook("grasptransfer", "typechecker.check")
 
-# Machines are shared: how long an example takes says nothing about the code.
-settings.register_profile("any-speed", deadline=None)
-settings.load_profile("any-speed")
+# Machines are shared: how long an example takes says nothing about the code. Each run tries the same
+# examples, so that no change fails by luck; `pytest --hypothesis-profile search` tries new ones.
+any_speed = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("search", any_speed)
+settings.register_profile("same", any_speed, derandomize=True)
+settings.load_profile("same")

@@ -64,20 +64,31 @@ def process_number(_: int) -> int:
     return os.getpid()
 
 
-def slow_line(folder: Path, number: int) -> str:
-    """A text, after a moment; leaves a file that says that it began."""
+def line(folder: Path, number: int) -> str:
+    """A text; leaves a file that says that it began, and waits where a gate is shut for it.
+
+    The file `gate` holds the number of the first piece that has to wait.
+    """
     (folder / "begun").mkdir(parents=True, exist_ok=True)
     (folder / "begun" / f"{number}-{os.getpid()}").touch()  # Unlike a whole write, under one name.
-    time.sleep(0.05)
+    while number >= _first_that_waits(folder / "gate"):
+        time.sleep(0.01)
     return f"piece {number}"
 
 
+def _first_that_waits(gate: Path) -> float:
+    try:
+        return int(gate.read_text())
+    except FileNotFoundError:
+        return float("inf")
+
+
 def recorded(folder: Path, pieces: int, workers: int) -> None:
-    """A resumable command: `slow_line` of every piece, recorded one by one, then one file of all."""
+    """A resumable command: `line` of every piece, recorded one by one, then one file of all."""
     with Record(folder / "record.jsonl") as record:
         found = {line["key"]: line["text"] for line in record.lines()}
         rest = [(folder, number) for number in range(pieces) if number not in found]
-        for ended in run(slow_line, rest, workers=workers):
+        for ended in run(line, rest, workers=workers):
             number = rest[ended.index][1]
             found[number] = ended.result()
             record.add({"key": number, "text": found[number]})
