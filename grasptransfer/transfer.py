@@ -9,38 +9,30 @@ Frames: `object` is the seen instance in its category's axes, `gripper` the TCP 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from jaxtyping import Float
 
 from grasptransfer.category import Category, load_category
 from grasptransfer.errors import CategoryError, NotSucceeded, SceneError, check_seed
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping import (
-    CollisionWorld,
-    GraspCheck,
     Gripper,
-    PlausibleObjects,
+    PlannedGrasps,
     Scene,
-    WarpedGrasp,
-    check_grasps,
     expand_symmetry,
     load_grasps,
     load_gripper,
     load_scene,
     mark_unlikely,
-    place_grasps,
+    plan_grasps,
     rank_grasps,
-    refine_grasps,
-    warp_grasps,
 )
 from grasptransfer.jobs import single_blas_thread
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
-from grasptransfer.registration import DeformationField
 from grasptransfer.registration import register_pair as pair_fields
 from grasptransfer.registration.field import FieldPair
 from grasptransfer.result import TransferredGrasp, TransferResult
@@ -54,7 +46,6 @@ __all__ = [
     "GraspTransfer",
     "TransferResult",
     "TransferredGrasp",
-    "reconstruct",
     "register_pair",
     "transfer_grasps",
 ]
@@ -176,46 +167,9 @@ class GraspTransfer:
 
     def plan(self, estimate: ShapeEstimate, *, scene: Scene | None = None) -> PlannedGrasps:
         """Warp, refine, check and place the grasps on an estimated shape: all but their ranking."""
-        timings, last = {}, time.perf_counter()
-
-        def lap(stage: str):
-            nonlocal last
-            now = time.perf_counter()
-            timings[stage], last = now - last, now
-
-        mesh = reconstruct(self.category, estimate.field, latent=estimate.latent)
-        world = CollisionWorld(mesh, scene, estimate.camera_from_object)
-        lap("reconstruct")
-        warped = warp_grasps(self.grasps, estimate.field)
-        lap("warp")
-        refined = refine_grasps(warped, world, self.gripper)
-        lap("refine")
-        checks = check_grasps(refined, world, self.gripper, latent=estimate.latent)
-        lap("check")
-        plausible = PlausibleObjects.draw(mesh, self.category, estimate, seed=self.seed)
-        lap("doubt")
-        grasps, checks = place_grasps(refined, checks, world, self.gripper, plausible=plausible)
-        lap("place")
-        return PlannedGrasps(mesh, grasps, checks, plausible, timings)
-
-
-@dataclass(frozen=True)
-class PlannedGrasps:
-    """Transferred grasps before their ranking.
-
-    Args:
-        mesh: the reconstruction, object frame [m].
-        grasps: refined and placed, object frame.
-        checks: of each.
-        plausible: objects that the picture leaves possible.
-        timings: seconds per stage.
-    """
-
-    mesh: trimesh.Trimesh
-    grasps: tuple[WarpedGrasp, ...]
-    checks: tuple[GraspCheck, ...]
-    plausible: PlausibleObjects
-    timings: dict[str, float]
+        return plan_grasps(
+            self.grasps, estimate, self.category, gripper=self.gripper, scene=scene, seed=self.seed
+        )
 
 
 def transfer_grasps(
@@ -289,21 +243,6 @@ def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:
             "the results are of different categories", value=(a.category.name, b.category.name)
         )
     return pair_fields(a.field, b.field)
-
-
-def reconstruct(
-    category: Category, field: DeformationField, *, latent: Float[np.ndarray, " k"] | None = None
-) -> trimesh.Trimesh:
-    """The canonical mesh warped by a field: the whole instance, its hidden side too (paper, eq. 6).
-
-    Args:
-        latent: of the field, where it is one of the shape space: how it moves the vertices is known then.
-    """
-    mesh = category.canonical.copy()
-    vertices = np.asarray(mesh.vertices)
-    model = category.vertices_by_latent
-    mesh.vertices = field(vertices) if latent is None else model.displaced(vertices, latent)
-    return mesh
 
 
 def _checked_scene(scene: object) -> Scene | None:

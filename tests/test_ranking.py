@@ -12,7 +12,7 @@ from grasptransfer.grasping.plausible import UnknownErrors, enclosed
 from grasptransfer.grasping.ranking import grasp_features
 from grasptransfer.grasping.success_model import FEATURES
 from grasptransfer.perception.estimate import ShapeEstimate
-from grasptransfer.transfer import reconstruct
+from grasptransfer.perception.reconstruction import reconstruct
 
 PANDA = load_gripper("panda")
 SURE = UnknownErrors(draws=16, shift=1e-5, turn=1e-4)

@@ -18,6 +18,7 @@ from grasptransfer.grasping.grasps import (
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
 from grasptransfer.grasping.placed_grasp import PlacedGrasp, placed_at
 from grasptransfer.grasping.placement import place_grasps
+from grasptransfer.grasping.planning import PlannedGrasps, plan_grasps
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.ranking import mark_unlikely, rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
@@ -34,6 +35,7 @@ __all__ = [
     "GraspFile",
     "Gripper",
     "PlacedGrasp",
+    "PlannedGrasps",
     "PlausibleObjects",
     "Scene",
     "Surface",
@@ -49,6 +51,7 @@ __all__ = [
     "on_canonical",
     "place_grasps",
     "placed_at",
+    "plan_grasps",
     "rank_grasps",
     "read_grasp_file",
     "refine_grasps",
