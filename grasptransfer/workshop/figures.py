@@ -91,10 +91,12 @@ def with_figures(readme: str, documents: Sequence[tuple[str, dict]]) -> str:
 
 
 def _slim(value):
-    """Without lists of one number for each view."""
+    """Without lists of one entry for each view or grasp."""
     if isinstance(value, dict):
         return {
-            key: _slim(inner) for key, inner in value.items() if key != "E" or not isinstance(inner, list)
+            key: _slim(inner)
+            for key, inner in value.items()
+            if key not in ("E", "best", "executed") or not isinstance(inner, list)
         }
     return [_slim(inner) for inner in value] if isinstance(value, list) else value
 
@@ -165,7 +167,23 @@ def _photo_table(document: dict) -> str:
                 ]
             )
     heads = [f"{len(rows)} photographs", "mean E", "best-ranked grasp held", "stated"]
-    return _table(heads, lines)
+    reliability = document["summary"].get("reliability_rgb")
+    return _table(heads, lines) + (f"\n\n{_reliability(reliability)}" if reliability else "")
+
+
+def _reliability(rows: list[dict]) -> str:
+    """Stated chances beside the shares that held, tenth by tenth."""
+    lines = [
+        [
+            f"{row['from']:.2f} to {row['to']:.2f}",
+            str(row["grasps"]),
+            _share(row["stated"]),
+            _share(row["held"]),
+            f"{_share(row['low'])} to {_share(row['high'])}",
+        ]
+        for row in rows
+    ]
+    return _table(["score of a grasp (rgb)", "executed", "stated", "held", "95 % interval (Wilson)"], lines)
 
 
 def _summary_table(document: dict) -> str:

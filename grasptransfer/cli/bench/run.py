@@ -95,5 +95,7 @@ def run(benchmark: Callable[..., dict], results: Results) -> int:
 def _summary_table(result: dict) -> Table:
     table = Table("measure", "value", title=result["benchmark"])
     for name, value in result["summary"].items():
+        if isinstance(value, list):  # A table of its own, for the page of figures.
+            continue
         table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
     return table

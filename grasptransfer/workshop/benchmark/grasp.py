@@ -32,6 +32,7 @@ from grasptransfer.workshop.benchmark.options import (
     Views,
     name_trained,
 )
+from grasptransfer.workshop.benchmark.reliability import Chance, summarise_chances
 from grasptransfer.workshop.benchmark.seen_instances import (
     Instance,
     instance_names,
@@ -101,7 +102,8 @@ def run_grasp_benchmark(
     )
     rows = [row for instance in measured for row in instance["rows"]]
     rows.sort(key=lambda row: (row["category"], row["instance"], row["estimator"]))
-    return document("grasp", settings=asdict(settings), rows=rows, summary=_summary(rows, settings))
+    given = asdict(settings) | {"views_together": 1}
+    return document("grasp", settings=given, rows=rows, summary=_summary(rows, settings))
 
 
 def _names(settings: GraspSettings, category: str) -> list[str]:
@@ -155,6 +157,16 @@ class Outcome:
     def usable_held(self) -> list[bool]:
         """Whether each grasp that was called usable held."""
         return [held for grasp, held in zip(self.grasps, self.held, strict=True) if grasp.usable]
+
+    @property
+    def chances(self) -> list[Chance]:
+        """Every executed grasp that the gripper reaches on the reconstruction, best-ranked first."""
+        return [Chance(g.score, held) for g, held in zip(self.grasps, self.held, strict=True) if g.score > 0]
+
+    @property
+    def best(self) -> Chance | None:
+        """The best-ranked grasp; None where no grasp is usable."""
+        return self.chances[0] if self.grasps and self.grasps[0].usable else None
 
 
 def execute(
@@ -214,7 +226,15 @@ def _row(instance: Instance, estimator: str, views: list[Outcome]) -> dict:
         "usable": len(usable),
         "usable_held": int(sum(usable)),
         "reasons": dict(Counter(reason for view in views for reason in view.reasons)),
+        "best": [None if view.best is None else asdict(view.best) for view in views],
+        "executed": [asdict(chance) for view in views for chance in view.chances],
     }
+
+
+def _chances(rows: list[dict]) -> tuple[list[Chance | None], list[Chance]]:
+    """Of every view the best-ranked grasp, and all executed grasps."""
+    best = [None if one is None else Chance(**one) for row in rows for one in row["best"]]
+    return best, [Chance(**one) for row in rows for one in row["executed"]]
 
 
 def _summary(rows: list[dict], settings: GraspSettings) -> dict:
@@ -231,6 +251,7 @@ def _summary(rows: list[dict], settings: GraspSettings) -> dict:
         summary[f"without_usable_{name}"] = without / views
         top = sum(row["top1"] * row["views"] for row in group)
         summary[f"top1_where_usable_{name}"] = top / (views - without) if views > without else None
+        summary |= summarise_chances(name, *_chances(group))
     if "rgb" in settings.estimators:
         summary["usable_precision"] = summary["usable_precision_rgb"]
         for other in {"rigid", "similarity"} & set(settings.estimators):

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from grasptransfer.perception.estimators import ESTIMATORS
+from grasptransfer.workshop.benchmark.reliability import Chance, reliability_table, summarise_chances
 
 SCORES = ("E", "silhouette_iou", "size_error")
 
@@ -41,12 +42,19 @@ def _of_grasps(method: str, executed: list[dict]) -> dict:
     if not executed:
         return {}
     stated = [one["grasp_stated"] for one in executed if one["grasp_stated"] is not None]
+    best = [
+        None if one["grasp_stated"] is None else Chance(one["grasp_stated"], one["grasp_held"])
+        for one in executed
+    ]
+    every = [Chance(**chance) for one in executed for chance in one["executed"]]
     usable, held = (sum(one[key] for one in executed) for key in ("usable", "usable_held"))
     return {
         f"{method}_grasps_executed_photos": len(executed),
         f"{method}_grasp_held": float(np.mean([one["grasp_held"] for one in executed])),
         f"{method}_grasp_stated": float(np.mean(stated)) if stated else None,
         f"{method}_usable_precision": held / usable if usable else None,
+        f"reliability_{method}": reliability_table(every),
+        **summarise_chances(method, best, every),
     }
 
 

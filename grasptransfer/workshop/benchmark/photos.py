@@ -7,24 +7,19 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import trimesh
-from PIL import Image
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
-from grasptransfer.errors import GraspTransferError, ImageError, SettingsError
-from grasptransfer.meshes import load_mesh
+from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.perception.observation import Observation, observe
-from grasptransfer.transfer import GraspTransfer
+from grasptransfer.transfer import GraspTransfer, reconstruct
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.errors_of_shape import (
     CANONICAL_POINTS,
-    TRUE_POINTS,
     CanonicalSurface,
-    TrueSurface,
     outer_surface,
 )
 from grasptransfer.workshop.benchmark.given_poses import REGIMES, GivenPoses
@@ -39,6 +34,7 @@ from grasptransfer.workshop.benchmark.photo_files import (
     read_photos,
 )
 from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
+from grasptransfer.workshop.benchmark.photo_truth import PhotoTruth, open_picture, overlap, silhouette_of
 
 SHARE = 12  # A worker takes so many photographs of one object at a time.
 
@@ -98,7 +94,8 @@ def run_photo_benchmark(
         measure_share, settings, _shares(photos), workers=workers, ledger=ledger, progress=progress
     )
     rows = [row for group in groups for row in group["rows"]]
-    return document("photos", settings=asdict(settings), rows=rows, summary=summarise_photos(rows))
+    given = asdict(settings) | {"views_together": 1}
+    return document("photos", settings=given, rows=rows, summary=summarise_photos(rows))
 
 
 def _photos_of(settings: PhotoSettings) -> list[Photo]:
@@ -160,7 +157,7 @@ def _measure(
         "category": photo.category,
         "pose_kind": photo.pose_kind,
     }
-    truth = _Truth.of(photo, settings.photos, given, renderer)
+    truth = PhotoTruth.of(photo, settings.photos, given, renderer)
     executes = settings.grasps and truth.mesh is not None
     flow = GraspTransfer(category, estimator=kit["rgb"]) if executes else None  # Its estimator is not called.
     for name, observation in _seen_by(kit, given, told_box=settings.told_box).items():
@@ -178,7 +175,7 @@ def _measure(
         if name == "rgb":
             row["category_score"] = estimate.category_score
             row["status"] = estimate.status.value
-            row["mask_iou"] = _overlap(estimate.mask, truth.visible)
+            row["mask_iou"] = truth.overlap(estimate, category, renderer)
     return row
 
 
@@ -196,14 +193,14 @@ def _seen_by(names: Iterable[str], given: Observation, *, told_box: bool) -> dic
 
 
 def _executed(outcome: Outcome) -> dict:
-    """Whether the best-ranked grasp held, and the success it was said to have."""
+    """Whether the best-ranked grasp held, and the success it was said to have; the others beside it."""
     usable = outcome.usable_held
-    stated = outcome.grasps[0].score if usable else None
     return {
         "grasp_held": outcome.best_held,
-        "grasp_stated": stated,
+        "grasp_stated": None if outcome.best is None else outcome.best.stated,
         "usable": len(usable),
         "usable_held": sum(usable),
+        "executed": [asdict(chance) for chance in outcome.chances],
     }
 
 
@@ -219,64 +216,27 @@ def _observation(photo: Photo, settings: PhotoSettings) -> Observation:
     seen = observe(folder / photo.image, pose, **about)
     if not settings.depth or photo.depth is None:
         return seen
-    millimetres = np.asarray(_open(folder / photo.depth), float)
+    millimetres = np.asarray(open_picture(folder / photo.depth), float)
     measured = observe(seen.image, pose, depth=millimetres / 1000, **about)
-    mask = None if photo.mask is None else np.asarray(_open(folder / photo.mask).convert("L")) > 127
+    mask = None if photo.mask is None else np.asarray(open_picture(folder / photo.mask).convert("L")) > 127
     return replace(measured, mask=mask)
 
 
-@dataclass(frozen=True)
-class _Truth:
-    """What is known of the object in a photograph.
-
-    Args:
-        mesh: its own frame [m], or None.
-        surface: surface of the mesh; None without mesh.
-        silhouette: (h, w) pixels of its mesh at the given pose; None without mesh.
-        visible: (h, w) its visible pixels, where a mask is given; else the silhouette.
-    """
-
-    mesh: trimesh.Trimesh | None
-    surface: TrueSurface | None
-    camera: Camera
-    silhouette: np.ndarray | None
-    visible: np.ndarray | None
-
-    @classmethod
-    def of(cls, photo: Photo, folder: Path, seen: Observation, renderer: Renderer) -> "_Truth":
-        mesh, surface, silhouette = None, None, None
-        if photo.mesh is not None:
-            mesh, surface = _known_mesh(folder / photo.mesh)
-            silhouette = renderer.depth(mesh, seen.camera, np.array(photo.camera_from_object)) > 0
-        visible = silhouette
-        if photo.mask is not None:
-            visible = np.asarray(_open(folder / photo.mask).convert("L")) > 127
-        return cls(mesh, surface, seen.camera, silhouette, visible)
-
-
-def _overlap(mask: np.ndarray | None, true: np.ndarray | None) -> float | None:
-    """Intersection over union."""
-    if mask is None or true is None:
-        return None
-    return float((mask & true).sum() / max((mask | true).sum(), 1))
-
-
 def _scores(
-    estimate: ShapeEstimate, category: Category, photo: Photo, truth: _Truth, *, renderer: Renderer
+    estimate: ShapeEstimate, category: Category, photo: Photo, truth: PhotoTruth, *, renderer: Renderer
 ) -> dict[str, float | None]:
-    mesh = category.canonical.copy()
-    mesh.vertices = estimate.field(np.asarray(mesh.vertices))
+    mesh = reconstruct(category, estimate.field, latent=estimate.latent)
     scores: dict[str, float | None] = {}
     if photo.size_m is not None:
         scores["size_error"] = float(np.abs(np.log(mesh.extents / np.array(photo.size_m))).mean())
     if truth.surface is not None:
         error = truth.surface.error(_canonical_surface(category.name).warped(estimate.field))
-        drawn = renderer.depth(mesh, truth.camera, estimate.camera_from_object) > 0
+        drawn = silhouette_of(estimate, category, truth.camera, renderer)
         scores |= {
             "E": error.E,
             "rms_mm": error.rms_mm,
             "chamfer_mm": error.chamfer_mm,
-            "silhouette_iou": _overlap(drawn, truth.silhouette),
+            "silhouette_iou": overlap(drawn, truth.silhouette),
         }
     return scores
 
@@ -284,16 +244,3 @@ def _scores(
 @lru_cache(maxsize=8)
 def _canonical_surface(category: str) -> CanonicalSurface:
     return CanonicalSurface(outer_surface(load_category(category).canonical, CANONICAL_POINTS))
-
-
-@lru_cache(maxsize=8)
-def _known_mesh(path: Path) -> tuple[trimesh.Trimesh, TrueSurface]:
-    mesh = load_mesh(path)
-    return mesh, TrueSurface(outer_surface(mesh, TRUE_POINTS))
-
-
-def _open(path: Path) -> Image.Image:
-    try:
-        return Image.open(path)
-    except OSError as error:
-        raise ImageError("cannot be read as a picture", path=path, fix=str(error)) from error
