@@ -15,7 +15,7 @@ from grasptransfer.errors import ImageError
 from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.perception.observation import Observation
-from grasptransfer.transfer import reconstruct
+from grasptransfer.perception.reconstruction import reconstruct
 from grasptransfer.workshop.benchmark.errors_of_shape import TRUE_POINTS, TrueSurface, outer_surface
 from grasptransfer.workshop.benchmark.photo_files import Photo
 

@@ -15,7 +15,8 @@ from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.perception.observation import Observation, observe
-from grasptransfer.transfer import GraspTransfer, reconstruct
+from grasptransfer.perception.reconstruction import reconstruct
+from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.errors_of_shape import (
     CANONICAL_POINTS,
