@@ -24,7 +24,8 @@ from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.engines import installed_engines, list_engines, open_world
 from grasptransfer.simulation.hand import hand_of
 from grasptransfer.simulation.job import Conditions, Job
-from grasptransfer.simulation.trial import _Trial
+from grasptransfer.simulation.trial import Phases
+from grasptransfer.simulation.watched_motion import WatchedMotion
 from grasptransfer.solids.decomposition import decompose
 from grasptransfer.solids.reduced_hull import reduced_hull
 
@@ -209,9 +210,9 @@ def test_every_gripper_of_parallel_pads_closes_symmetrically_on_a_box(name, engi
             0.1,
             Conditions(0.8, body.mass, min(protocol.grip_force, gripper.force_limit)),
         )
-        trial = _Trial(world, job)
+        trial = Phases(WatchedMotion(world, job))
         trial.gripper.place(job.object_from_tcp, job.opening)
-        trial._close(job.object_from_tcp)
+        trial.close(job.object_from_tcp)
         hand = trial.gripper
         tcp_from_object = invert(hand.world_from_tcp()) @ world.world_from_object()
         assert abs(tcp_from_object[0, 3]) < 5e-4
