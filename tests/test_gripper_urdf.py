@@ -129,6 +129,23 @@ def test_an_axis_without_length_is_refused(tmp_path, axis):
     assert "left_slide: its axis has no length" in message
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('lower="0"', 'lower="-1e308"', "must lie within 10 m"),
+        ('<origin xyz="', '<origin xyz="1e21', "must be finite and within 10 m"),
+        ('<box size="', '<box size="0.01 ', "a box needs three lengths"),
+    ],
+)
+def test_numbers_that_no_hand_has_are_refused(tmp_path, old, new, said):
+    path = write_gripper(tmp_path)
+    urdf = next(tmp_path.rglob("*.urdf"))
+    text = urdf.read_text()
+    assert old in text
+    urdf.write_text(text.replace(old, new, 1))
+    assert said in refused(path)
+
+
 def test_a_xacro_file_is_to_be_expanded_first(tmp_path):
     path = write_gripper(tmp_path, more='<xacro:finger xmlns:xacro="http://ros.org/wiki/xacro" side="1"/>')
     assert "Expand it first: xacro own.urdf" in refused(path)

@@ -69,12 +69,18 @@ def _by_angle(
     """First face and surface of each closed body that pairing around edges gives, and the faces left over."""
     if not len(faces):
         return [], np.zeros(0, np.int64)
-    corners = positions[faces]
-    if np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0:
-        bodies, open_ = _by_angle(
-            positions, faces[:, ::-1]
-        )  # The surface is inside out: its solid is on the other side.
-        return [(first, (vertices, body[:, ::-1])) for first, (vertices, body) in bodies], open_
+    corners = positions[faces] - positions[faces].mean((0, 1))
+    if np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) >= 0:
+        return _paired(positions, faces)
+    # The surface is inside out: its solid is on the other side.
+    bodies, open_ = _paired(positions, faces[:, ::-1])
+    return [(first, (vertices, body[:, ::-1])) for first, (vertices, body) in bodies], open_
+
+
+def _paired(
+    positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> tuple[list[tuple[int, Surface]], Int[np.ndarray, "l"]]:
+    """The same of faces that are counter-clockwise from outside."""
     pairs = _pairs(positions, faces)
     body_of = _labels(pairs // 3, len(faces))
     lone = np.ones(3 * len(faces), bool)
@@ -85,7 +91,7 @@ def _by_angle(
     same = np.concatenate([np.stack([start[:, 0], end[:, 1]], 1), np.stack([end[:, 0], start[:, 1]], 1)])
     corner_of = _labels(same, 3 * len(faces)).reshape(-1, 3)
     places = np.zeros((int(corner_of.max()) + 1, 3))
-    places[corner_of] = corners
+    places[corner_of] = positions[faces]
     bodies = []
     for members in _groups(np.flatnonzero(~is_open[body_of]), body_of):
         split = len(np.unique(corner_of[members])) > len(np.unique(faces[members]))

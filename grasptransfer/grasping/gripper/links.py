@@ -11,13 +11,21 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import GripperError
-from grasptransfer.grasping.gripper.shapes import Shape, solid_shapes, together, visual_surface
+from grasptransfer.grasping.gripper.shapes import (
+    FARTHEST_ORIGIN,
+    Shape,
+    origin_of,
+    solid_shapes,
+    together,
+    visual_surface,
+)
 
 if TYPE_CHECKING:
     import trimesh
 
 LOG = logging.getLogger(__name__)
 MOVING = ("prismatic", "revolute", "continuous")
+MANY_TURNS = 1000.0  # rad
 OTHER_ROOTS = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "COLLADA", "robotModel": "MoveIt"}
 
 
@@ -163,9 +171,7 @@ def _joint(joint: Any, path: Path) -> Joint:
         raise GripperError(
             "joint type is not supported", path=path, key=name, value=joint.type, choices=choices
         )
-    origin = np.eye(4) if joint.origin is None else np.array(joint.origin, dtype=float)
-    if not np.isfinite(origin).all():
-        raise GripperError("its origin is not finite", path=path, key=name)
+    origin = origin_of(joint, name, path)
     if joint.type == "fixed":
         return Joint(name, "fixed", origin, np.array([1.0, 0, 0]), None)
     axis = np.array([1.0, 0, 0] if joint.axis is None else joint.axis, dtype=float)
@@ -187,6 +193,11 @@ def _limits(joint: Any, path: Path) -> tuple[float, float] | None:
     if not (np.isfinite([low, high]).all() and low < high):
         text = "joint needs rising lower and upper limits"
         raise GripperError(text, path=path, key=joint.name, value=(low, high))
+    if joint.type == "prismatic" and max(abs(low), abs(high)) > FARTHEST_ORIGIN:
+        text = f"a sliding joint's limits must lie within {FARTHEST_ORIGIN:g} m"
+        raise GripperError(text, path=path, key=joint.name, value=(low, high))
+    if joint.type == "revolute" and max(abs(low), abs(high)) > MANY_TURNS:
+        return None  # Some exporters write such limits for a joint that turns without end.
     return low, high
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 KINDS = ("box", "cylinder", "sphere", "mesh")
 LARGEST_LINK = 1.5  # m; a larger mesh of a gripper's link is in millimetres
+FARTHEST_ORIGIN = 10.0  # m; no frame of a hand lies farther from the link that it belongs to
 # A pad's face must keep its place to a fraction of a millimetre: half the concavity of an object's parts.
 DECOMPOSITION = DecompositionSettings(concavity=0.02)
 
@@ -50,7 +51,7 @@ def solid_shapes(part: Any, link: str, path: Path) -> tuple[Shape, ...]:
     Raises:
         GripperError: unsupported geometry, or a mesh that is missing, flat or in millimetres.
     """
-    geometry, link_from_shape = part.geometry, _origin(part, link, path)
+    geometry, link_from_shape = part.geometry, origin_of(part, link, path)
     if geometry.mesh is None:
         return (_primitive(geometry, link_from_shape, link, path),)
     mesh, found = _load_mesh(geometry.mesh, link, path)
@@ -67,7 +68,7 @@ def visual_surface(part: Any, link: str, path: Path) -> "trimesh.Trimesh":
     Raises:
         GripperError: unsupported geometry, or a mesh that is missing or in millimetres.
     """
-    link_from_shape = _origin(part, link, path)
+    link_from_shape = origin_of(part, link, path)
     if part.geometry.mesh is None:
         shape = _primitive(part.geometry, link_from_shape, link, path)
         return together([shape.mesh], [link_from_shape])
@@ -88,10 +89,16 @@ def together(
     return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
 
 
-def _origin(part: Any, link: str, path: Path) -> Float[np.ndarray, "4 4"]:
+def origin_of(part: Any, name: str, path: Path) -> Float[np.ndarray, "4 4"]:
+    """Where a URDF puts a joint, or the geometry of a link; the identity where it says nothing.
+
+    Raises:
+        GripperError: a number is not finite, or lies too far away to be in metres.
+    """
     origin = np.eye(4) if part.origin is None else np.array(part.origin, dtype=float)
-    if not np.isfinite(origin).all():
-        raise GripperError("the origin of its geometry is not finite", path=path, key=link)
+    if not (np.isfinite(origin).all() and np.abs(origin[:3, 3]).max() <= FARTHEST_ORIGIN):
+        text = f"its origin must be finite and within {FARTHEST_ORIGIN:g} m"
+        raise GripperError(text, path=path, key=name, value=origin[:3, 3].tolist())
     return origin
 
 
@@ -100,6 +107,8 @@ def _primitive(geometry: Any, link_from_shape: Float[np.ndarray, "4 4"], link: s
 
     if geometry.box is not None:
         size = _lengths(geometry.box.size, link, path)
+        if len(size) != 3:
+            raise GripperError("a box needs three lengths", path=path, key=link, value=size)
         return Shape("box", size, link_from_shape, trimesh.creation.box(extents=size))
     if geometry.cylinder is not None:
         size = radius, length = _lengths((geometry.cylinder.radius, geometry.cylinder.length), link, path)
