@@ -1,9 +1,7 @@
 """What a network sees of a picture, and the axes in which it answers: the same in training and later."""
 
 import numpy as np
-import torch
 from jaxtyping import Float, Float32, UInt8
-from torch import Tensor
 
 from grasptransfer.drawing.boxes import Box, enlarge, union
 from grasptransfer.drawing.views import towards
@@ -16,7 +14,7 @@ def network_input(
     observed: UInt8[np.ndarray, "b 192 256 3"],
     boxes: Float32[np.ndarray, "b 4"],
     coordinates: UInt8[np.ndarray, "b 192 256 3"],
-) -> Float32[Tensor, "b 8 192 256"]:
+) -> Float32[np.ndarray, "b 8 192 256"]:
     """Stack what the network sees: observed RGB and box, canonical coordinates and mask, each in [-1, 1].
 
     Args:
@@ -29,8 +27,10 @@ def network_input(
     # Comparisons with NaN are false: an untold box gives an empty mask.
     stacked[..., 3] = 255 * ((u >= u0) & (u <= u1) & (v >= v0) & (v <= v1))
     stacked[..., 7] = 255 * ((coordinates[..., 0] | coordinates[..., 1] | coordinates[..., 2]) > 0)
-    # Converted before the axes are turned, the tensor is channels-last, as the network wants it.
-    return torch.from_numpy(stacked).float().div_(127.5).sub_(1).permute(0, 3, 1, 2)
+    values = stacked.astype(np.float32)
+    values /= 127.5
+    values -= 1
+    return values.transpose(0, 3, 1, 2)  # channels last in memory, as networks want it
 
 
 def view_from_object(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3 3"]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 from PIL import Image
 
@@ -16,9 +15,9 @@ from grasptransfer.drawing.visible import visible_faces
 from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.jobs import single_blas_thread
+from grasptransfer.perception.answering import load_answering
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.confidence import Evidence, evidence
-from grasptransfer.perception.device import choose_device
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.network_input import network_input, view_from_object, zoom_for
 from grasptransfer.perception.networks import (
@@ -26,7 +25,6 @@ from grasptransfer.perception.networks import (
     LATENT_SIZE,
     OFFSET_UNIT,
     Prediction,
-    channels_last,
 )
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_and_shape import (
@@ -37,10 +35,9 @@ from grasptransfer.perception.pose_and_shape import (
     fit_pose_and_shape,
 )
 from grasptransfer.perception.pose_prior import PosePrior
-from grasptransfer.perception.precision import answer_precision, arithmetic
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.silhouette import Silhouette
-from grasptransfer.perception.weights import check_trained_on, find_weights, load_weights
+from grasptransfer.perception.weights import find_weights
 from grasptransfer.perception.zoom import MASK_STRIDE, centre_on_box, zoom_camera, zoom_mask, zoom_picture
 
 LOOKS = 2
@@ -76,7 +73,7 @@ class RgbEstimator:
     Args:
         weights: a `.safetensors` file; None takes the one shipped for the category.
         refine_pose: fit the pose together with the shape; without, every given pose is taken as exact.
-        device: "auto", "cpu" or "cuda".
+        device: see `device.DEVICES`.
         precision: see `precision.PRECISIONS`.
     """
 
@@ -92,13 +89,8 @@ class RgbEstimator:
         self.category, self.refine_pose = category, refine_pose
         self._model = ShapedModel(category)
         path = weights or find_weights(category)
-        self.network, info = load_weights(path)
+        self.network, info = load_answering(path, category, device=device, precision=precision)
         self.confidence = info.confidence
-        check_trained_on(info, category, path)
-        self._number = list(info.categories).index(category.name)
-        self.device = torch.device(choose_device(device))
-        self.precision = answer_precision(precision)
-        channels_last(self.network, self.device)
 
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate the shape, and the pose where `refine_pose` is set."""
@@ -186,13 +178,9 @@ class RgbEstimator:
         if len(view.cell_points) < FEWEST_CELLS:
             raise PoseError("the canonical model is not visible at this pose", key="pose")
         picture = zoom_picture(observation.image, crop)
-        inputs = network_input(picture[None], told[None], view.coordinates[None])
-        with torch.inference_mode(), arithmetic(self.device, self.precision):
-            inputs = inputs.to(self.device, memory_format=torch.channels_last)
-            prediction = self.network(inputs, torch.tensor([self._number], device=self.device))
-        cells = torch.from_numpy(view.cell_mask).to(self.device)
+        prediction = self.network(network_input(picture[None], told[None], view.coordinates[None]))
         offset, offset_scale, flow, flow_scale = (
-            part[0, :, cells].float().cpu().numpy().T.astype(float) for part in prediction[:4]
+            part[0][:, view.cell_mask].T.astype(float) for part in prediction[:4]
         )
         motion = Motion(
             view.cell_places - view.cell_points + offset * OFFSET_UNIT @ view_from_object(camera_from_object),
@@ -203,7 +191,7 @@ class RgbEstimator:
         if observation.mask is not None:
             probability = zoom_mask(observation.mask, crop)
         else:
-            probability = torch.sigmoid(prediction.mask_logit[0, 0].float()).cpu().numpy()
+            probability = _sigmoid(prediction.mask_logit[0, 0])
         prior = _latent_prior(prediction, latent, self.confidence.latent_overconfidence)
         return Look(camera, view, motion, prior, probability, _match(prediction))
 
@@ -243,8 +231,8 @@ def _latent_prior(
     if prediction.latent is None or prediction.latent_log_scale is None:
         return LatentPrior(mean, deviation)
     size = min(len(assumed), LATENT_SIZE)
-    mean[:size] = assumed[:size] + prediction.latent[0, :size].float().cpu().numpy()
-    log_scale = prediction.latent_log_scale[0, :size].float().cpu().numpy()
+    mean[:size] = assumed[:size] + prediction.latent[0, :size]
+    log_scale = prediction.latent_log_scale[0, :size]
     deviation[:size] = np.minimum(overconfidence * np.exp(np.clip(log_scale, -4, 0)), 1)
     return LatentPrior(mean, deviation)
 
@@ -252,7 +240,11 @@ def _latent_prior(
 def _match(prediction: Prediction) -> float:
     if prediction.match_logit is None:
         return 1.0
-    return float(torch.sigmoid(prediction.match_logit[0].float()))
+    return float(_sigmoid(prediction.match_logit[0]))
+
+
+def _sigmoid(logit: np.ndarray | np.floating) -> np.ndarray:
+    return 1 / (1 + np.exp(-np.asarray(logit)))
 
 
 def _whole_mask(look: Look, camera: Camera) -> Bool[np.ndarray, "h w"]:

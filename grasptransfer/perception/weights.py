@@ -9,12 +9,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from grasptransfer.category import Category, list_categories, objects_folder
 from grasptransfer.category.category import CANONICAL, SHAPE_SPACE
 from grasptransfer.errors import WeightsError
 from grasptransfer.files import replacing
 from grasptransfer.fitted import Fit, read_fits, write_fits
 from grasptransfer.perception.confidence import Confidence
+from grasptransfer.perception.networks import build_network, network_names
 
 if TYPE_CHECKING:
     from grasptransfer.perception.networks.ensemble import Ensemble
@@ -100,15 +103,27 @@ def _read_confidence(path: Path, header: dict[str, str]) -> Confidence:
     return Confidence(**fits["confidence"].values, **fits["chosen"].values)
 
 
-def load_weights(path: Path) -> tuple["Ensemble", WeightsInfo]:
-    """The ensemble (evaluation mode, float32) and its `WeightsInfo`.
+@dataclass(frozen=True)
+class StoredWeights:
+    """What a weight file holds.
+
+    Args:
+        tensors: by their names in the members of the ensemble, half precision.
+        members: how many there are.
+    """
+
+    tensors: dict[str, np.ndarray]
+    members: int
+    info: WeightsInfo
+
+
+def read_weights(path: Path) -> StoredWeights:
+    """Read a weight file, and check it, without PyTorch.
 
     Raises:
-        WeightsError: missing, unreadable, of another version, incomplete, or its checksum does not match.
+        WeightsError: missing, unreadable, of another version, of an unknown network, or its checksum does not
+            match.
     """
-    from grasptransfer.perception.networks import build_network, network_names
-    from grasptransfer.perception.networks.ensemble import Ensemble
-
     if not path.is_file():
         raise WeightsError("trained weights are missing", path=path, fix="Train them: grasptransfer train")
     with _opened(path) as file:
@@ -119,10 +134,29 @@ def load_weights(path: Path) -> tuple["Ensemble", WeightsInfo]:
         raise WeightsError("is corrupt: the checksum does not match", path=path, fix="Get the file again")
     if info.network not in network_names():
         raise WeightsError("unknown network", path=path, value=info.network, choices=network_names())
-    members = (build_network(info.network, len(info.categories)) for _ in range(int(header["members"])))
-    ensemble = Ensemble(members)
-    ensemble.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
-    return ensemble.eval(), info
+    return StoredWeights(tensors, int(header["members"]), info)
+
+
+def load_weights(path: Path) -> tuple["Ensemble", WeightsInfo]:
+    """The ensemble with its weights, ready for evaluation, and what it was trained for.
+
+    Raises:
+        WeightsError: see `read_weights`.
+    """
+    stored = read_weights(path)
+    return build_ensemble(stored), stored.info
+
+
+def build_ensemble(stored: StoredWeights) -> "Ensemble":
+    """PyTorch's ensemble with these weights, ready for evaluation."""
+    import torch
+
+    from grasptransfer.perception.networks.ensemble import Ensemble
+
+    categories = len(stored.info.categories)
+    ensemble = Ensemble(build_network(stored.info.network, categories) for _ in range(stored.members))
+    ensemble.load_state_dict({name: torch.from_numpy(t).float() for name, t in stored.tensors.items()})
+    return ensemble.eval()
 
 
 def trained_on(category: Category) -> dict[str, str]:
@@ -210,7 +244,7 @@ def _opened(path: Path) -> Iterator:
     from safetensors import SafetensorError, safe_open
 
     try:
-        with safe_open(path, "pt") as file:
+        with safe_open(path, "np") as file:
             yield file
     except (SafetensorError, OSError) as error:
         raise WeightsError(f"is corrupt: {error}", path=path, fix="Get the file again") from error
@@ -233,5 +267,5 @@ def _digest(tensors) -> str:
     digest = hashlib.sha256()
     for name in sorted(tensors):
         digest.update(name.encode())
-        digest.update(tensors[name].numpy().tobytes())
+        digest.update(np.asarray(tensors[name]).tobytes())
     return digest.hexdigest()

@@ -4,13 +4,16 @@ Every network maps `(b, 8, 192, 256)` (observed RGB and box mask, coordinates an
 assumed so far) and the number of each sample's category to a `Prediction`.
 """
 
-from typing import NamedTuple, TypeVar
+from __future__ import annotations
 
-import torch
+from typing import TYPE_CHECKING, Any, NamedTuple
+
 from jaxtyping import Float
-from torch import Tensor, nn
 
 from grasptransfer.errors import SettingsError
+
+if TYPE_CHECKING:
+    from torch import nn
 
 STRIDE = 8  # input pixels per cell of offsets and flow
 CELL_PIXEL = 2  # which row and column of its pixels a cell stands for
@@ -21,6 +24,8 @@ LATENT_SIZE = 40  # modes a network can speak of; a shape space with more keeps 
 
 class Prediction(NamedTuple):
     """Network output; cell (i, j) belongs to zoomed pixel (u, v) = (8 j + 2, 8 i + 2).
+
+    Arrays of PyTorch where a network is trained, of numpy where one answers (`answering.py`).
 
     Args:
         offset: how much farther the assumed model's point seen in the cell is displaced, view axes
@@ -36,24 +41,16 @@ class Prediction(NamedTuple):
         mask_spread: and in the mask's probability.
     """
 
-    offset: Float[Tensor, "b 3 24 32"]
-    offset_log_scale: Float[Tensor, "b 1 24 32"]
-    flow: Float[Tensor, "b 2 24 32"]
-    flow_log_scale: Float[Tensor, "b 1 24 32"]
-    mask_logit: Float[Tensor, "b 1 48 64"]
-    latent: Float[Tensor, "b 40"] | None = None
-    latent_log_scale: Float[Tensor, "b 40"] | None = None
-    match_logit: Float[Tensor, "b"] | None = None
-    flow_spread: Float[Tensor, "b 24 32"] | None = None
-    mask_spread: Float[Tensor, "b 48 64"] | None = None
-
-
-Network = TypeVar("Network", bound=nn.Module)
-
-
-def channels_last(network: Network, device: torch.device) -> Network:
-    """The network on the device, its weights in the order in which convolutions are quick."""
-    return network.to(device).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+    offset: Float[Any, "b 3 24 32"]
+    offset_log_scale: Float[Any, "b 1 24 32"]
+    flow: Float[Any, "b 2 24 32"]
+    flow_log_scale: Float[Any, "b 1 24 32"]
+    mask_logit: Float[Any, "b 1 48 64"]
+    latent: Float[Any, "b 40"] | None = None
+    latent_log_scale: Float[Any, "b 40"] | None = None
+    match_logit: Float[Any, " b"] | None = None
+    flow_spread: Float[Any, "b 24 32"] | None = None
+    mask_spread: Float[Any, "b 48 64"] | None = None
 
 
 def network_names() -> list[str]:

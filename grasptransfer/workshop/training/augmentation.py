@@ -38,7 +38,7 @@ def training_batch(
         "match": torch.from_numpy(match).float(),
     }
     pictures = network_input(np.stack(pictures), arrays["box"], arrays["canonical"])
-    return (pictures, torch.from_numpy(arrays["category"]).long()), targets
+    return (torch.from_numpy(pictures), torch.from_numpy(arrays["category"]).long()), targets
 
 
 def _stranger(

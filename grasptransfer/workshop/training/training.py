@@ -15,8 +15,8 @@ from torch.nn.parallel import DistributedDataParallel
 from grasptransfer.errors import SettingsError
 from grasptransfer.files import replacing, writing
 from grasptransfer.perception.device import choose_device
-from grasptransfer.perception.networks import build_network, channels_last
-from grasptransfer.perception.networks.ensemble import Ensemble
+from grasptransfer.perception.networks import build_network
+from grasptransfer.perception.networks.ensemble import Ensemble, channels_last
 from grasptransfer.perception.precision import arithmetic
 from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
 from grasptransfer.workshop.training.augmentation import Inputs, training_batch
