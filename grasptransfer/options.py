@@ -17,7 +17,7 @@ EstimatorName = Annotated[
 CategoryName = Annotated[str, arg(help="name or folder of the category.")]
 CategoryArgument = Positional[Annotated[CategoryName, arg(metavar="CATEGORY")]]
 GripperName = Annotated[str, arg(help="name, or YAML of your own.")]
-Device = Annotated[str, arg(help="auto, cpu or cuda.")]
+Device = Annotated[str, arg(help="auto, cpu (PyTorch), openvino or cuda, of networks.")]
 Precision = Annotated[str, arg(help="auto (float32), float32 or bfloat16, of networks.")]
 RefinePose = Annotated[
     bool, arg(help="fit the pose together with the shape; without, the pose is taken as exact.")

@@ -61,7 +61,7 @@ class GraspTransfer:
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         refine_pose: fit the pose together with the shape, where the estimator can; without, every pose is
             taken as exact.
-        device: "auto", "cpu" or "cuda".
+        device: "auto", "cpu", "openvino" or "cuda", of networks (`perception/device.py`).
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
 
@@ -217,7 +217,7 @@ def transfer_grasps(
         refine_pose: fit the pose together with the shape; without, the pose is taken as exact.
         world_from_camera: (4, 4) where the camera stands [m], or None; with it every grasp has
             `world_from_gripper`.
-        device: "auto", "cpu" or "cuda".
+        device: "auto", "cpu", "openvino" or "cuda", of networks (`perception/device.py`).
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
         strict: raise `NotSucceeded` where the instance does not fit the category or no grasp is usable.

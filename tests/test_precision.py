@@ -65,11 +65,11 @@ def test_convolutions_compute_in_the_chosen_numbers(precision, type_):
         assert layer(picture).dtype == type_
 
 
-def test_answers_agree_across_threads_and_convolution_algorithms(monkeypatch):
+def test_answers_agree_across_threads_convolution_algorithms_and_libraries(monkeypatch):
     pose, camera = gt.load_pose("objects/mug/demo/pose.yaml"), gt.Camera.load("objects/mug/demo/camera.yaml")
-    flow, results, threads = gt.GraspTransfer("mug"), [], torch.get_num_threads()
+    flow, results, threads = gt.GraspTransfer("mug", device="cpu"), [], torch.get_num_threads()
 
-    def transfer():
+    def transfer(flow=flow):
         box = (284, 183, 404, 340)
         results.append(flow.transfer("objects/mug/demo/picture.png", pose, camera=camera, mask=box))
 
@@ -81,6 +81,7 @@ def test_answers_agree_across_threads_and_convolution_algorithms(monkeypatch):
         torch.set_num_threads(threads)
     with torch.backends.mkldnn.flags(enabled=False):  # as on processors that oneDNN does not know
         transfer()
+    transfer(gt.GraspTransfer("mug", device="openvino"))
     for other in results[1:]:
         # Far below what a grasp notices: a tenth of a gripper's repeatability.
         np.testing.assert_allclose(other.latent, results[0].latent, atol=0.05)

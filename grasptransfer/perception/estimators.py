@@ -26,7 +26,7 @@ class EstimatorSettings:
 
     Args:
         refine_pose: fit the pose together with the shape, where the estimator can.
-        device: "auto", "cpu" or "cuda", of networks.
+        device: see `device.DEVICES`, of networks.
         precision: "auto", "float32" or "bfloat16", of networks.
         weights: a `.safetensors` file; None takes the one shipped for the category.
         masks_for_depth_alone: hide masks from the network and show it the box alone, as a detector gives

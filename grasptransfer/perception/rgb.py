@@ -243,8 +243,8 @@ def _match(prediction: Prediction) -> float:
     return float(_sigmoid(prediction.match_logit[0]))
 
 
-def _sigmoid(logit: np.ndarray | np.floating) -> np.ndarray:
-    return 1 / (1 + np.exp(-np.asarray(logit)))
+def _sigmoid(logit: np.ndarray | np.floating) -> np.ndarray | np.floating:
+    return 1 / (1 + np.exp(-logit))
 
 
 def _whole_mask(look: Look, camera: Camera) -> Bool[np.ndarray, "h w"]:

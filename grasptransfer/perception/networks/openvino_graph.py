@@ -71,7 +71,8 @@ def _ensemble(layers: "_Layers", members: int, number: int) -> Model:
     first = ops.transpose(picture, [0, 3, 1, 2])
     features = _picture_features(_Layers(load_file(FEATURES_FILE)), first)
     each = [_member(layers.of(f"members.{i}"), first, features, number) for i in range(members)]
-    return Model([ops.concat(list(parts), 0) for parts in zip(*each, strict=True)], [picture], "ensemble")
+    outputs = [ops.concat(list(parts), 0) for parts in zip(*each, strict=True)]
+    return Model(outputs, [picture], "ensemble")  # pyright: ignore[reportGeneralTypeIssues]: its stub is wrong
 
 
 def _picture_features(layers: "_Layers", pictures: Any) -> list[Any]:

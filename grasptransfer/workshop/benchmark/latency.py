@@ -16,6 +16,7 @@ import numpy as np
 
 from grasptransfer.jobs import run_fresh
 from grasptransfer.options import Device, EstimatorName, GripperName, Precision, RefinePose, check_counts
+from grasptransfer.perception.device import answering_device
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.precision import answer_precision, multiplies_bfloat16
 from grasptransfer.workshop.benchmark.document import document, processor_name
@@ -82,6 +83,7 @@ def run_latency_benchmark(
         "peak_memory_mib": memory,
         **compared(runs),
         "precision": precision,
+        "device": answering_device(settings.device, openvino_serves=precision == "float32"),
         "processor": processor_name(),
         "multiplies_bfloat16": multiplies_bfloat16("cpu"),
     }

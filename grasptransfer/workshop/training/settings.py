@@ -11,7 +11,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from grasptransfer.category import Category, list_categories, load_category
 from grasptransfer.errors import SettingsError
 from grasptransfer.options import Device, Precision, Workers, check_counts
-from grasptransfer.perception.device import check_device
+from grasptransfer.perception.device import choose_device
 from grasptransfer.perception.precision import check_precision
 
 # The command takes names and folders.
@@ -105,7 +105,7 @@ class TrainingPlace:
     workers: Annotated[Workers, arg(help="rendering processes.")] = 2
 
     def __post_init__(self):
-        check_device(self.device)
+        choose_device(self.device)
         check_precision(self.precision)
         check_counts(self, "workers")
         if self.run.exists() and not self.run.is_dir():
