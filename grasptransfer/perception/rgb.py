@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 from PIL import Image
+from scipy.special import expit
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
@@ -191,7 +192,7 @@ class RgbEstimator:
         if observation.mask is not None:
             probability = zoom_mask(observation.mask, crop)
         else:
-            probability = _sigmoid(prediction.mask_logit[0, 0])
+            probability = expit(prediction.mask_logit[0, 0])
         prior = _latent_prior(prediction, latent, self.confidence.latent_overconfidence)
         return Look(camera, view, motion, prior, probability, _match(prediction))
 
@@ -240,11 +241,7 @@ def _latent_prior(
 def _match(prediction: Prediction) -> float:
     if prediction.match_logit is None:
         return 1.0
-    return float(_sigmoid(prediction.match_logit[0]))
-
-
-def _sigmoid(logit: np.ndarray | np.floating) -> np.ndarray | np.floating:
-    return 1 / (1 + np.exp(-logit))
+    return float(expit(prediction.match_logit[0]))
 
 
 def _whole_mask(look: Look, camera: Camera) -> Bool[np.ndarray, "h w"]:
