@@ -4,6 +4,7 @@ A method that ran but did not succeed (not converged, in collision, slipped) is 
 it is reported by a status enum on the result, and raised only with `strict=True`.
 """
 
+import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -42,9 +43,20 @@ class GraspTransferError(ValueError):
             text += f" (got {_short(value)})"
         if self.choices is not None:
             text += f"; known: {', '.join(self.choices) or 'none'}"
+        meant = self.meant()
+        if meant is not None:
+            text += f". Did you mean {meant}?"
         if fix:
-            text += f". {fix}"
+            text += f"{'' if meant else '.'} {fix}"
         super().__init__(text)
+
+    def meant(self) -> str | None:
+        """The choice that is spelt nearly as what was given, the value or else the key; None if no one is."""
+        given = self.value if self._has_value else self.key
+        if self.choices is None or not isinstance(given, str | Path) or str(given) in self.choices:
+            return None
+        near = difflib.get_close_matches(str(given).lower(), {c.lower(): c for c in self.choices}, n=1)
+        return next((choice for choice in self.choices if near and choice.lower() == near[0]), None)
 
     def at(self, path: str | Path, *, kind: "type[GraspTransferError] | None" = None) -> "GraspTransferError":
         """The same mistake, found in this file; `kind`: as another error of the family."""

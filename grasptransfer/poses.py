@@ -17,6 +17,7 @@ from grasptransfer.pose_formats import KEY, SIGMA, numbers_of, pose_of_mapping, 
 
 LOG = logging.getLogger(__name__)
 NEAREST = 0.02  # m from the camera to the object's centre
+BOX = "box"  # key of a pose file of ours
 SIGMA_CHOICES = ("0", "[translation in m, rotation in degrees]", "a 6x6 covariance, turn then shift")
 
 PoseSigma = float | tuple[float, float] | Float[np.ndarray, "6 6"]
@@ -30,11 +31,13 @@ class PoseFile:
         camera_from_object: (4, 4) OpenCV axes [m].
         pose_sigma: how sure the pose is, as `covariance_of` takes it; None where the file says nothing.
         convention: what was read, one phrase.
+        box: (u0, v0, u1, v1) around the object [px], where the file has one.
     """
 
     camera_from_object: Float[np.ndarray, "4 4"]
     pose_sigma: PoseSigma | None
     convention: str
+    box: tuple[float, float, float, float] | None = None
 
 
 def load_pose(path: str | Path, *, image: str | Path | None = None) -> Float[np.ndarray, "4 4"]:
@@ -53,7 +56,7 @@ def read_pose(path: str | Path, *, image: str | Path | None = None) -> PoseFile:
         PoseError: unreadable, no known format, or a mistake in it, named by file and key.
     """
     path = Path(path)
-    array = read_array(path, error=PoseError)
+    array, box = read_array(path, error=PoseError), None
     data = read_data(path, error=PoseError) if array is None else None
     if data and isinstance(data, list) and all(isinstance(row, list) for row in data):
         array = numbers_of(data, "matrix", path)
@@ -62,10 +65,20 @@ def read_pose(path: str | Path, *, image: str | Path | None = None) -> PoseFile:
     else:
         entry = entry_of(data, path, image, error=PoseError)
         pose, sigma, convention = pose_of_mapping(entry, path)
+        box = _box(entry.get(BOX), path)
     covariance_of(sigma, path=path)
     if not convention.startswith("our"):
         LOG.warning("%s was read as %s.", path, convention)
-    return PoseFile(pose, _plain(sigma), convention)
+    return PoseFile(pose, _plain(sigma), convention, box)
+
+
+def _box(value: Any, path: Path) -> tuple[float, float, float, float] | None:
+    if value is None:
+        return None
+    whole = isinstance(value, list) and len(value) == 4
+    if not whole or not all(type(side) in (int, float) and np.isfinite(side) for side in value):
+        raise PoseError("must be [u0, v0, u1, v1] in pixels", path=path, key=BOX, value=value)
+    return (float(value[0]), float(value[1]), float(value[2]), float(value[3]))
 
 
 def _plain(sigma: Any) -> PoseSigma | None:

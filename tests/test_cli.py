@@ -1,5 +1,7 @@
 """The command line: every help runs, wrong input ends with code 2 and one clear line."""
 
+import json
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +13,7 @@ from PIL import Image
 
 from grasptransfer.category import load_category
 from grasptransfer.cli.main import COMMANDS, GROUPS, main
+from grasptransfer.cli.progress import progress_bar
 
 EVERY_COMMAND = [[name] for name in COMMANDS] + [[group, name] for group in GROUPS for name in GROUPS[group]]
 
@@ -59,6 +62,10 @@ def test_every_command_explains_itself(command, capsys):
         (["frames", "panda", "--picture", "no_folder/x.png"], "no_folder"),
         (["bench", "cpd", "--json", "x.json", "--sizes", "0"], "at least 10"),
         (["bench", "grasp", "--json", "x.json", "--protocol", "throw"], "lift-shake-v1"),
+        (["trasnfer"], "Did you mean transfer?"),
+        (["category", "lst"], "Did you mean list?"),
+        (["frames", "--pictures", "x"], "Did you mean --picture?"),
+        (["category", "info", "spraybottle"], "Did you mean spray_bottle?"),
     ],
 )
 def test_wrong_input_ends_with_code_2_and_names_the_choices(arguments, word, capsys, tmp_path, monkeypatch):
@@ -216,3 +223,47 @@ def test_a_package_of_an_extra_that_is_not_installed_is_named_with_its_extra(cap
     code, _, error = _run(["bench", "cpd", "--sizes", "100", "--json", str(tmp_path / "cpd.json")], capsys)
     assert code == 2
     assert "needs the package psutil. pip install 'grasptransfer[workshop]'" in " ".join(error.split())
+
+
+def test_the_version_is_printed_with_that_of_python(capsys):
+    code, out, _ = _run(["--version"], capsys)
+    assert code == 0
+    assert re.fullmatch(r"grasptransfer \d+\.\d+\.\d+, Python 3\.\d+\.\d+, \w+\n", out)
+
+
+def test_lists_are_printed_as_json(capsys):
+    _, out, _ = _run(["category", "list", "--json"], capsys)
+    assert "mug" in json.loads(out)
+    _, out, _ = _run(["category", "info", "mug", "--json"], capsys)
+    assert json.loads(out)["name"] == "mug"
+    _, out, _ = _run(["category", "check", "mug", "--json"], capsys)
+    assert json.loads(out) == []
+
+
+def test_shells_complete_commands_of_groups_and_their_options(capsys):
+    command = [sys.executable, "-m", "grasptransfer", "--print-completion", "bash"]
+    out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    for word in ("transfer", "pose-noise", "--category", "--control-points"):
+        assert word in out
+    code, _, err = _run(["--print-completion", "bas"], capsys)
+    assert code == 2
+    assert "Did you mean bash?" in err
+
+
+def test_long_work_prints_plain_lines_where_nobody_watches(capsys):
+    with progress_bar() as progress:
+        task = progress.add_task("training")
+        for done in range(101):
+            progress.update(task, description=f"training  {done} samples/s", completed=done, total=100)
+        progress.update(task, description="fitting", completed=0, total=2)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 12
+    assert lines[0] == "training  0 samples/s 0/100"
+    assert lines[-1] == "fitting 0/2"
+
+
+def test_who_reads_only_the_first_lines_gets_no_traceback():
+    command = f"{sys.executable} -m grasptransfer category info mug --json | head -n 1"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert done.stdout == "{\n"
+    assert done.stderr == ""

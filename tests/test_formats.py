@@ -278,8 +278,10 @@ def test_the_mesh_of_a_grasp_file_is_scaled_as_the_file_says(tmp_path):
     down = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.03]))
     grasps = GraspSet((PlacedGrasp("top", "box", down, 0.04),), object_file="box.obj", object_scale=0.2)
     path = write_grasps(grasps, tmp_path / "g.json")
-    assert run_simulation(SimulationSettings(path, tmp_path / "box.obj"))[1] == 1
-    assert run_simulation(SimulationSettings(path, tmp_path / "box.obj", scale=0.19))[1] == 1
+    (trial,) = run_simulation(SimulationSettings(path, tmp_path / "box.obj"))
+    assert trial.held
+    (trial,) = run_simulation(SimulationSettings(path, tmp_path / "box.obj", scale=0.19))
+    assert trial.held
     with pytest.raises(MeshError, match=r"longest side is 0.0008"):
         run_simulation(SimulationSettings(path, tmp_path / "box.obj", scale=0.002))
 

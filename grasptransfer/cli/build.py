@@ -12,7 +12,7 @@ console = Console(markup=False)
 
 def build(settings: BuildSettings) -> int:
     """Build a category from your own meshes or point clouds; started again, it resumes."""
-    with progress_bar(console) as progress:
+    with progress_bar() as progress:
         task = progress.add_task("checking", total=None)
         built = build_category(
             settings,

@@ -20,7 +20,7 @@ def train(config: TrainingConfig, place: TrainingPlace) -> int:
     """
     from grasptransfer.workshop.training.train import train as run
 
-    with progress_bar(console) as progress:
+    with progress_bar() as progress:
         rendering = progress.add_task("rendering", total=None)
         training = progress.add_task("training", total=config.members * config.steps)
         fitting = progress.add_task("fitting confidence", total=None)

@@ -57,8 +57,8 @@ class SimulationSettings:
         check_counts(self, "trials", "workers")
 
 
-def run_simulation(settings: SimulationSettings) -> tuple[Table, int]:
-    """Execute the grasps of a file on a mesh in a physics engine; a table of them, and how many trials held.
+def run_simulation(settings: SimulationSettings) -> "Sequence[TrialResult]":
+    """Execute the grasps of a file on a mesh in a physics engine.
 
     Raises:
         GraspTransferError: wrong input, named by file, key and value.
@@ -89,7 +89,7 @@ def run_simulation(settings: SimulationSettings) -> tuple[Table, int]:
         from grasptransfer.report.movie import save_movies
 
         save_movies(outcomes, solid, hand, settings.movies)
-    return execution_table(outcomes), sum(outcome.held for outcome in outcomes)
+    return outcomes
 
 
 def _in_object_frame(settings: SimulationSettings) -> GraspSet:

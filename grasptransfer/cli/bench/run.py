@@ -74,7 +74,7 @@ def run(benchmark: Callable[..., dict], results: Results) -> int:
     from grasptransfer.workshop.benchmark.document import write_document
     from grasptransfer.workshop.benchmark.tables import rows_table
 
-    with progress_bar(console) as progress:
+    with progress_bar() as progress:
         # The bar stays hidden until the benchmark has accepted its settings.
         task = progress.add_task("instances", total=None, visible=False)
 
