@@ -58,11 +58,17 @@ class GraspTransferError(ValueError):
         near = difflib.get_close_matches(str(given).lower(), {c.lower(): c for c in self.choices}, n=1)
         return next((choice for choice in self.choices if near and choice.lower() == near[0]), None)
 
-    def at(self, path: str | Path, *, kind: "type[GraspTransferError] | None" = None) -> "GraspTransferError":
-        """The same mistake, found in this file; `kind`: as another error of the family."""
+    def at(
+        self,
+        path: str | Path | None,
+        *,
+        kind: "type[GraspTransferError] | None" = None,
+        key: str | None = None,
+    ) -> "GraspTransferError":
+        """The same mistake, found in this file, or under this key; `kind`: as another error of the family."""
         value = self.value if self._has_value else _MISSING
         return (kind or type(self))(
-            self.problem, path=path, key=self.key, value=value, choices=self.choices, fix=self.fix
+            self.problem, path=path, key=key or self.key, value=value, choices=self.choices, fix=self.fix
         )
 
 

@@ -1,4 +1,4 @@
-"""The main flow: one RGB picture in, checked and ranked grasps out.
+"""The main flow: RGB pictures of one object in, checked and ranked grasps out.
 
     observe -> estimate the shape -> warp the grasps -> refine -> check -> place -> rank
 
@@ -32,10 +32,16 @@ from grasptransfer.grasping import (
     rank_grasps,
 )
 from grasptransfer.jobs import single_blas_thread
-from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
+from grasptransfer.perception.estimators import (
+    ESTIMATORS,
+    EstimatorSettings,
+    check_several_pictures,
+    make_estimator,
+)
 from grasptransfer.registration import register_pair as pair_fields
 from grasptransfer.registration.field import FieldPair
 from grasptransfer.result import TransferredGrasp, TransferResult
+from grasptransfer.track import POSE_NOISE, Track
 
 if TYPE_CHECKING:
     from grasptransfer.perception.estimate import Estimator, ShapeEstimate
@@ -87,6 +93,7 @@ class GraspTransfer:
         self.grasps = expand_symmetry(
             load_grasps(_grasp_file(self.category) if grasps is None else grasps, category=self.category)
         )
+        self._named = estimator
         settings = EstimatorSettings(refine_pose, device, precision)
         self.estimator = make_estimator(estimator, self.category, settings)
         self.seed = seed
@@ -102,6 +109,7 @@ class GraspTransfer:
         depth=None,
         scene=None,
         pose_sigma=None,
+        views: str = "moved camera",
         world_from_camera=None,
         strict: bool = False,
     ) -> TransferResult:
@@ -110,12 +118,36 @@ class GraspTransfer:
         Raises:
             GraspTransferError: wrong input, by argument, value and choices; `NotSucceeded` where `strict`.
         """
-        from grasptransfer.perception.observation import observe
+        from grasptransfer.perception.picture_lists import observe_all
 
-        observation = observe(
-            image, pose, camera=camera, box=box, mask=mask, depth=depth, pose_sigma=pose_sigma
-        )
+        given = {"camera": camera, "box": box, "mask": mask, "depth": depth, "pose_sigma": pose_sigma}
+        observation = observe_all(image, pose, views=views, **given)
+        return self.answer(observation, scene=scene, world_from_camera=world_from_camera, strict=strict)
+
+    def track(self, *, views: str = "moved camera", pose_noise=POSE_NOISE) -> Track:
+        """Follow one object from picture to picture: what each leaves known is the prior of the next.
+
+        Args:
+            views: how the poses go together: "moved camera", their differences are trusted, or "separate".
+            pose_noise: how far the differences may be off, from each picture to the next: (translation [m],
+                rotation [deg]), or a (6, 6) covariance, turn, then shift.
+
+        Raises:
+            SettingsError: unknown `views`, or an estimator that takes one picture at a time.
+            PoseError: `pose_noise` is no uncertainty.
+        """
+        check_several_pictures(self._named, "track")
+        return Track(self.answer, views=views, pose_noise=pose_noise)
+
+    def answer(
+        self, observation: Observation, *, scene=None, world_from_camera=None, strict: bool = False
+    ) -> TransferResult:
+        """Transfer the annotated grasps to what was observed; arguments as of `transfer_grasps`."""
+        if observation.further:
+            check_several_pictures(self._named, "image")
         scene = _checked_scene(scene)
+        if scene is not None:
+            observation = replace(observation, support=scene.support)
         if world_from_camera is not None:
             world_from_camera = check_rigid(world_from_camera, "world_from_camera")
         clock = time.perf_counter()
@@ -187,18 +219,21 @@ def transfer_grasps(
     estimator: str | Estimator = "rgb",
     pose_sigma=None,
     refine_pose: bool = True,
+    views: str = "moved camera",
     world_from_camera=None,
     device: str = "auto",
     precision: str = "auto",
     seed: int = 0,
     strict: bool = False,
 ) -> TransferResult:
-    """Transfer a category's annotated grasps to the instance seen in one RGB picture.
+    """Transfer a category's annotated grasps to the instance seen in RGB pictures.
 
-    For many pictures keep a `GraspTransfer`: it loads the network once.
+    For many objects keep a `GraspTransfer`: it loads the network once.
 
     Args:
-        image: path, PIL picture or uint8 (h, w, 3) RGB.
+        image: path, PIL picture or uint8 (h, w, 3) RGB; or a list of them, all of one object. Then `pose`,
+            and `box`, `mask` and `depth` where given, are lists of the same length; `camera` and `pose_sigma`
+            may be. The result is in the frame of the first picture's camera, and so is the scene.
         pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
         category: name, folder or loaded `Category`.
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for 60 degrees horizontal field
@@ -209,12 +244,16 @@ def transfer_grasps(
         mask: bool (h, w) of what is seen of the object, taken as it is; or a segmenter or detector, a
             callable from the picture, uint8 (h, w, 3) RGB, to mask or box; or None.
         depth: (h, w) metres, 0 = missing; for the estimators that use depth.
-        scene: obstacles and a support plane, or the path of a scene YAML; optional.
+        scene: obstacles and a support plane, on which the object may be said to stand, or the path of a scene
+            YAML; optional.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         pose_sigma: how sure the pose is: None, as those of real estimators (`perception/pose_prior.py`); 0,
             exact; (translation [m], rotation [deg]), standard deviations along and about each axis; or a
             (6, 6) covariance, turn [rad] about the object's origin, then shift [m], along camera axes.
         refine_pose: fit the pose together with the shape; without, the pose is taken as exact.
+        views: how the poses of several pictures go together. "moved camera": the object stood still and the
+            camera's way is known, so that one error, that of the first pose, is common to all; "separate":
+            each pose errs by itself.
         world_from_camera: (4, 4) where the camera stands [m], or None; with it every grasp has
             `world_from_gripper`.
         device: "auto", "cpu", "openvino" or "cuda", of networks (`perception/device.py`).
@@ -228,7 +267,7 @@ def transfer_grasps(
     made = {"gripper": gripper, "grasps": grasps, "estimator": estimator, "refine_pose": refine_pose}
     flow = GraspTransfer(category, **made, device=device, precision=precision, seed=seed)
     seen = {"camera": camera, "box": box, "mask": mask, "depth": depth, "scene": scene}
-    known = {"pose_sigma": pose_sigma, "world_from_camera": world_from_camera}
+    known = {"pose_sigma": pose_sigma, "views": views, "world_from_camera": world_from_camera}
     return flow.transfer(image, pose, **seen, **known, strict=strict)
 
 

@@ -32,6 +32,7 @@ ROOMS = [
     {"simulation"},
     {"waypoints"},
     {"result"},
+    {"track"},
     {"transfer"},
     {"options"},
     {"report", "annotator"},

@@ -34,8 +34,9 @@ def folder(tmp_path):
 
 
 def _settings(folder, **changed):
-    given = {"pose": folder / "poses.yaml", "camera": DEMO / "camera.yaml", "estimator": "rigid"} | changed
-    return TransferSettings(image=folder / "pictures", category="mug", out=folder / "out", **given)
+    given = {"pose": (folder / "poses.yaml",), "camera": (DEMO / "camera.yaml",), "estimator": "rigid"}
+    given |= changed
+    return TransferSettings(image=(folder / "pictures",), category="mug", out=folder / "out", **given)
 
 
 @pytest.fixture
@@ -98,7 +99,7 @@ def test_a_folder_of_poses_gives_each_picture_the_file_of_its_name(folder, witho
     poses = folder / "poses"
     poses.mkdir()
     (poses / "a.yaml").write_text(yaml.safe_dump({"camera_from_object": POSE}))
-    found = run_batch(_settings(folder, pose=poses))
+    found = run_batch(_settings(folder, pose=(poses,)))
     assert found.lines[0]["usable"] > 0
     assert "poses: pose: holds no files of the picture's name (got 'b')" in found.refused[0]
 

@@ -4,7 +4,8 @@ import numpy as np
 
 from grasptransfer.camera import Camera
 from grasptransfer.drawing.views import look_at
-from grasptransfer.perception.pose_and_shape import Motion, Outline, fit_pose_and_shape
+from grasptransfer.perception.picture_evidence import Motion, Outline, PictureEvidence
+from grasptransfer.perception.pose_and_shape import fit_pose_and_shape
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.registration import DisplacementModel
 
@@ -65,15 +66,9 @@ def test_a_larger_mask_makes_the_model_grow_to_it():
         CAMERA.project(few @ POSE[:3, :3].T + POSE[:3, 3]),
         np.full(20, 1e4),
     )
-    fit = fit_pose_and_shape(
-        vague,
-        few,
-        DisplacementModel(np.zeros((20, 3)), basis[:20]),
-        camera=CAMERA,
-        start_pose=POSE,
-        pose_prior=None,
-        outline=Outline(silhouette, points, DisplacementModel(np.zeros_like(points), basis)),
-    )
+    outline = Outline(silhouette, points, DisplacementModel(np.zeros_like(points), basis))
+    model = DisplacementModel(np.zeros((20, 3)), basis[:20])
+    fit = fit_pose_and_shape([PictureEvidence(vague, few, model, CAMERA, outline)], [POSE], [None])
     grown = 0.05 * (1 + 0.1 * fit.latent[0])
     # The mask's cells are 4 px or 2.5 mm wide; their border is interpolated to a fraction of that.
     assert abs(grown - wanted) < 0.0015

@@ -7,7 +7,8 @@ from PIL import Image
 
 from grasptransfer.drawing.views import look_at
 from grasptransfer.errors import ImageError, MeshError
-from grasptransfer.report import transfer_files
+from grasptransfer.meshes import load_mesh
+from grasptransfer.report import transfer_files, transfer_inputs
 
 POSE = look_at(0.4, 0.6, 0.6)
 
@@ -16,20 +17,20 @@ def test_wrong_files_of_the_transfer_command_are_explained(tmp_path):
     grey = tmp_path / "grey.png"
     Image.fromarray(np.zeros((40, 40), np.uint8)).save(grey)
     with pytest.raises(ImageError, match="16-bit"):
-        transfer_files.load_depth(grey)
+        transfer_inputs.load_depth(grey)
     with pytest.raises(MeshError, match="does not exist"):
-        transfer_files.load_mesh(tmp_path / "none.obj")
+        load_mesh(tmp_path / "none.obj")
     (tmp_path / "empty.obj").write_text("# nothing\n")
     with pytest.raises(MeshError):
-        transfer_files.load_mesh(tmp_path / "empty.obj")
+        load_mesh(tmp_path / "empty.obj")
     trimesh.creation.box([80, 80, 90]).export(tmp_path / "mm.ply")
     with pytest.raises(MeshError, match="metres"):
-        transfer_files.load_mesh(tmp_path / "mm.ply")
+        load_mesh(tmp_path / "mm.ply")
 
 
 def test_depth_pictures_are_millimetres(tmp_path):
     Image.fromarray(np.full((40, 50), 1234, np.uint16)).save(tmp_path / "depth.png")
-    np.testing.assert_allclose(transfer_files.load_depth(tmp_path / "depth.png"), 1.234)
+    np.testing.assert_allclose(transfer_inputs.load_depth(tmp_path / "depth.png"), 1.234)
 
 
 def test_files_appear_all_together_or_not_at_all(tmp_path):

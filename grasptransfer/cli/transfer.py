@@ -33,14 +33,15 @@ def demo(*, out: Path = Path("demo_out"), seed: int = 0) -> int:
 
 
 def transfer(settings: TransferSettings, *, as_json: JsonFlag = False) -> int:
-    """Transfer the annotated grasps of a category to the instance in a picture, or in each of a folder.
+    """Transfer the annotated grasps of a category to the instance in pictures, or in each of a folder.
 
-    Of a folder, one wrong picture does not stop the others; started again, the command resumes.
+    Several pictures show one object from several sides. Of a folder, one wrong picture does not stop the
+    others; started again, the command resumes.
 
     Args:
         as_json: print the result as JSON on standard output; of a folder, one line for each picture.
     """
-    if settings.image.is_dir():
+    if len(settings.image) == 1 and settings.image[0].is_dir():
         return _transfer_folder(settings, as_json)
     with stages() as on_stage:
         outcome = run_transfer(settings, on_stage=on_stage)

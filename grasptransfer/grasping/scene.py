@@ -13,11 +13,14 @@ from grasptransfer.errors import PoseError, SceneError, in_millimetres
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping.surface import LARGEST_EXTENT
 from grasptransfer.meshes import load_mesh
+from grasptransfer.perception.standing import Support
 from grasptransfer.yaml_models import Strict, parse
 
 if TYPE_CHECKING:
     import trimesh
 
+STANDS_SIGMA = 0.003  # m: of a plane fitted to the depth of a table, or measured by touching it
+SUREST, VAGUEST = 1e-5, 1.0  # m
 Triple = tuple[float, float, float]
 
 
@@ -28,14 +31,19 @@ class Scene:
     Args:
         obstacles: name, mesh in its own frame [m], `camera_from_obstacle` (4, 4) of each.
         support_plane: a point [m] and the normal towards the free side, camera frame; None: no plane.
+        stands: the object stands on the plane: where its lowest points lie is then known, and says how far
+            away the object is.
+        stands_sigma: how sure that is, standard deviation of their height above the plane [m].
 
     Raises:
-        SceneError: two obstacles of one name, or a plane that is none.
+        SceneError: two obstacles of one name, a plane that is none, or an object that stands on none.
         PoseError: an obstacle's pose is not rigid.
     """
 
     obstacles: "tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]" = ()
     support_plane: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = field(default=None)
+    stands: bool = False
+    stands_sigma: float = STANDS_SIGMA
 
     def __post_init__(self):
         names = [name for name, _, _ in self.obstacles]
@@ -61,6 +69,19 @@ class Scene:
             if np.linalg.norm(point) > LARGEST_EXTENT:
                 raise in_millimetres(SceneError, key="support_plane.point", value=point.tolist())
             object.__setattr__(self, "support_plane", (point, normal / np.linalg.norm(normal)))
+        if self.stands and self.support_plane is None:
+            raise SceneError("needs a support_plane to stand on", key="stands", value=self.stands)
+        if not SUREST <= self.stands_sigma <= VAGUEST:
+            raise SceneError(
+                f"must lie between {SUREST} and {VAGUEST} m", key="stands_sigma", value=self.stands_sigma
+            )
+
+    @property
+    def support(self) -> Support | None:
+        """What is known of where the object stands; None where nothing is said of it."""
+        if not self.stands or self.support_plane is None:
+            return None
+        return Support(*self.support_plane, self.stands_sigma)
 
 
 def _check_size(name: str, mesh: "trimesh.Trimesh"):
@@ -83,13 +104,15 @@ class _PlaneModel(Strict):
 class _SceneModel(Strict):
     obstacles: Mapping[str, _ObstacleModel] = {}
     support_plane: _PlaneModel | None = None
+    stands: bool = False
+    stands_sigma: float = STANDS_SIGMA
 
 
 def load_scene(path: str | Path) -> Scene:
     """Read a scene.
 
-    A YAML mapping: `support_plane: {point, normal}`; `obstacles: {name: {mesh or box,
-    camera_from_obstacle}}`, mesh files relative to the YAML, boxes by their extents; all in metres.
+    A YAML mapping: `support_plane: {point, normal}`, `stands` and `stands_sigma`; `obstacles: {name: {mesh or
+    box, camera_from_obstacle}}`, mesh files relative to the YAML, boxes by their extents; all in metres.
 
     Raises:
         SceneError: a mistake in it, named by file, key, value and choices.
@@ -102,7 +125,8 @@ def load_scene(path: str | Path) -> Scene:
             for name, obstacle in model.obstacles.items()
         )
         plane = model.support_plane
-        return Scene(obstacles, None if plane is None else (np.array(plane.point), np.array(plane.normal)))
+        support = None if plane is None else (np.array(plane.point), np.array(plane.normal))
+        return Scene(obstacles, support, model.stands, model.stands_sigma)
     except (PoseError, SceneError) as error:
         if error.path is not None:
             raise

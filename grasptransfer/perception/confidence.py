@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.perception.earlier_pictures import with_latent_covariance
+
 Evidence = Float[np.ndarray, "3"]
 
 
@@ -46,14 +48,7 @@ class Confidence:
 
         How the pose goes with the latent (distance with size) stays, and so does its own uncertainty.
         """
-        latent, widened = covariance[6:, 6:], self.widened(covariance[6:, 6:])
-        pose_by_latent = np.linalg.solve(latent, covariance[6:, :6]).T
-        joint = np.empty_like(covariance)
-        joint[6:, 6:] = widened
-        joint[:6, 6:] = pose_by_latent @ widened
-        joint[6:, :6] = joint[:6, 6:].T
-        joint[:6, :6] = covariance[:6, :6] + pose_by_latent @ (widened - latent) @ pose_by_latent.T
-        return joint
+        return with_latent_covariance(covariance, self.widened(covariance[6:, 6:]))
 
     def as_data(self) -> dict[str, float]:
         """Every number by its name, as files hold it."""

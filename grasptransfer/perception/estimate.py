@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Bool, Float
 
+from grasptransfer.perception.earlier_pictures import ObjectPosterior
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_prior import PoseDeviation
 from grasptransfer.registration import DeformationField
@@ -43,11 +44,13 @@ class ShapeEstimate:
         latent: (k,) coordinates of `field` in the shape space, standard deviations from the mean.
         covariance: (6 + k, 6 + k) joint posterior of turn about the object's origin [rad] and shift [m],
             camera axes, and `latent`; 0 where a pose was taken as given.
-        mask: (h, w) pixels of the object: the given mask, or else the predicted one.
+        mask: (h, w) pixels of the object in the first picture: the given mask, or else the predicted one.
         category_score: chance that the object is of the category, had own objects and strangers been alike
             likely before, in [0, 1]; None where the estimator does not judge it.
         status: outcome.
         pose_sigma_prior: how sure the given pose was taken to be; None where it was not asked.
+        posterior: what the next picture may take for known (`earlier` of its observation); None where the
+            estimator keeps nothing.
         timings: seconds per stage.
     """
 
@@ -59,6 +62,7 @@ class ShapeEstimate:
     category_score: float | None = None
     status: EstimateStatus = EstimateStatus.OK
     pose_sigma_prior: PoseDeviation | None = None
+    posterior: ObjectPosterior | None = None
     timings: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property

@@ -7,7 +7,7 @@ to `ESTIMATORS`; its module is imported when one is made, so that the registry i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,6 +59,7 @@ class EstimatorSpec:
         needs_mask: it refuses a picture without mask: a box also holds depth of what lies around.
         field_holds_pose: its field also takes up the error of the given pose, as it knows no category.
         bound: no method, but what methods are measured against.
+        several_pictures: it takes several pictures of one object, and keeps what earlier ones have said.
     """
 
     make: Callable[[Any, EstimatorSettings], Estimator]
@@ -68,6 +69,7 @@ class EstimatorSpec:
     needs_mask: bool = False
     field_holds_pose: bool = False
     bound: bool = False
+    several_pictures: bool = False
 
 
 def make_estimator(
@@ -106,6 +108,21 @@ def check_estimators(names: Iterable[str], *, key: str, known: Iterable[str] | N
             raise SettingsError("unknown estimator", key=key, value=name, choices=choices)
 
 
+def check_several_pictures(estimator: str | Estimator, key: str) -> None:
+    """Refuse the name of an estimator that takes one picture at a time.
+
+    Args:
+        estimator: a name, or a callable, which answers for itself.
+        key: the argument for which it must take several.
+
+    Raises:
+        SettingsError: with the estimators that take several.
+    """
+    able = [name for name, spec in ESTIMATORS.items() if spec.several_pictures]
+    if isinstance(estimator, str) and estimator not in able:
+        raise SettingsError(f"estimator {estimator!r} takes one picture at a time", key=key, choices=able)
+
+
 def _rgb(category: Category, settings: EstimatorSettings) -> Estimator:
     from grasptransfer.perception.rgb import RgbEstimator
 
@@ -117,7 +134,7 @@ def _rgb(category: Category, settings: EstimatorSettings) -> Estimator:
         precision=settings.precision,
     )
     if settings.masks_for_depth_alone:
-        return lambda observation: estimator(replace(observation, depth=None, mask=None))
+        return lambda observation: estimator(observation.without("depth", "mask"))
     return estimator
 
 
@@ -152,8 +169,8 @@ def _rigid(category: Category, _: EstimatorSettings) -> Estimator:
 
 
 ESTIMATORS: dict[str, EstimatorSpec] = {
-    "rgb": EstimatorSpec(_rgb, "shape and pose from one picture, by the trained network"),
-    "rgbd": EstimatorSpec(_rgbd, "rgb, corrected by measured depth", needs_depth=True),
+    "rgb": EstimatorSpec(_rgb, "shape and pose from pictures, by the trained network", several_pictures=True),
+    "rgbd": EstimatorSpec(_rgbd, "rgb, corrected by measured depth", needs_depth=True, several_pictures=True),
     "cls": EstimatorSpec(
         _cls, "shape space fitted to the depth cloud", needs_depth=True, needs_box=True, needs_mask=True
     ),

@@ -2,8 +2,9 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -13,7 +14,10 @@ from grasptransfer.camera import Camera
 from grasptransfer.drawing.boxes import Box
 from grasptransfer.errors import ImageError
 from grasptransfer.frames import check_rigid
+from grasptransfer.perception.earlier_pictures import ObjectPosterior
 from grasptransfer.perception.picture_camera import camera_of
+from grasptransfer.perception.several_pictures import MOVED_CAMERA
+from grasptransfer.perception.standing import Support
 from grasptransfer.poses import check_in_view, covariance_of
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 16384  # px
@@ -22,7 +26,9 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Observation:
-    """One RGB picture of an instance and its approximate pose; made by `observe`, arrays read-only.
+    """An RGB picture of an instance, or several, with approximate poses; made by `observe`, arrays read-only.
+
+    The fields are those of the first picture, in whose camera the answer is.
 
     Args:
         image: (h, w, 3) RGB.
@@ -33,6 +39,10 @@ class Observation:
         depth: (h, w) along the optical axis [m], 0 = missing, if measured.
         pose_covariance: (6, 6) of the pose's error, turn [rad], then shift [m], camera axes; 0: the pose is
             exact; None: the pose errs as those of real estimators do (`pose_prior.py`).
+        further: the other pictures of the same object.
+        views: how their poses go together, one of `several_pictures.VIEWS`.
+        support: the plane on which the object stands, if it stands on one.
+        earlier: what pictures before these have left known of the object.
     """
 
     image: UInt8[np.ndarray, "h w 3"]
@@ -42,6 +52,21 @@ class Observation:
     box: Box | None = None
     depth: Float[np.ndarray, "h w"] | None = None
     pose_covariance: Float[np.ndarray, "6 6"] | None = None
+    further: "tuple[Observation, ...]" = ()
+    views: str = MOVED_CAMERA
+    support: Support | None = None
+    earlier: ObjectPosterior | None = None
+
+    @property
+    def pictures(self) -> "tuple[Observation, ...]":
+        """This picture and the further ones."""
+        return (self, *self.further)
+
+    def without(self, *names: str) -> "Observation":
+        """The same without what these fields hold, such as mask and depth, in every picture."""
+        nothing: dict[str, Any] = dict.fromkeys(names)
+        further = tuple(picture.without(*names) for picture in self.further)
+        return replace(self, **nothing, further=further)
 
 
 def observe(image, pose, *, camera=None, box=None, mask=None, depth=None, pose_sigma=None) -> Observation:

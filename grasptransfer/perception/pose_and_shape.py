@@ -1,29 +1,27 @@
-"""Joint refinement of pose and latent by Gauss-Newton on predicted flow and offsets.
+"""Joint refinement of pose and latent by Gauss-Newton on what one or several pictures say.
 
-Unknowns are a turn about the object's origin, a shift (camera frame) and the latent. Their
-residuals: where each canonical point, displaced by the shape and placed by the pose, is seen
-(flow), how far it was displaced (offsets), and the priors. The paper fits the latent alone to
-offsets alone (eq. 13); flow says more where the shape is seen, and tells pose from shape.
+Unknowns are, for each pose, a turn about the object's origin and a shift (camera frame), and one latent.
+Their residuals are those of `picture_evidence`, summed over the pictures, and the priors. The paper fits the
+latent alone to offsets alone (eq. 13); flow says more where the shape is seen, and tells pose from shape.
+
+A picture whose camera stands at `camera_from_first` sees the first camera's pose through it. A turn and a
+shift along the first camera's axes are, along its own, the same vectors rotated: with the rotation R of
+`camera_from_first`, the picture's hessian H becomes J' H J, J = diag(R, R, 1).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from grasptransfer.camera import Camera
 from grasptransfer.frames import moved
-from grasptransfer.perception.pose_prior import PosePrior
-from grasptransfer.perception.silhouette import Meetings, Silhouette
-from grasptransfer.registration import DisplacementModel, motion_along
+from grasptransfer.perception.earlier_pictures import ObjectPosterior
+from grasptransfer.perception.picture_evidence import PictureEvidence, Quadratic
+from grasptransfer.perception.pose_prior import POSE_OVERCONFIDENCE, PosePrior
+from grasptransfer.perception.several_pictures import PicturePlace
+from grasptransfer.perception.standing import Standing
 
-# Neighbouring cells err together, and much of what they say the latent prior from the same picture has
-# said already, above all of depth: all cells count as much as this many independent ones.
-INDEPENDENT_FLOWS, INDEPENDENT_OFFSETS = 3.0, 0.3
-# What no shape of the space expresses looks like a turned or shifted object: cells and outline say so many
-# times less of the pose than their residuals do. At 6, E of 27 photographs of a drill with poses of three
-# estimators falls from 59, 62 and 67 (at 1) to 51, 51 and 61; that of poses wrong by 5 cm stays as it is.
-POSE_OVERCONFIDENCE = 6.0
 ITERATIONS = 24
 CONVERGED = 5e-2  # of a standard deviation: far below what grasps notice
 LONGEST_STEP = (0.2, 0.05, 2.0)  # rad, m, standard deviations: beyond, a linear model says nothing
@@ -31,223 +29,199 @@ LONGEST_STEP = (0.2, 0.05, 2.0)  # rad, m, standard deviations: beyond, a linear
 # again; after that they stay, or the fit would jump between neighbouring vertices for ever.
 OUTLINE_SEARCHES = (3, 6, 9)
 
-
-@dataclass(frozen=True)
-class LatentPrior:
-    """What is known of the latent before its visible motion is fitted: independent normal errors.
-
-    Args:
-        mean: (k,).
-        deviation: (k,) standard deviations.
-    """
-
-    mean: Float[np.ndarray, "k"]
-    deviation: Float[np.ndarray, "k"]
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What the network says of the visible canonical points.
-
-    Args:
-        offsets: (c, 3) displacement, object axes [m].
-        offset_scale: (c,) Laplace scale of their errors [m].
-        pixels: (c, 2) where the displaced points are seen in the zoomed picture [px].
-        pixel_scale: (c,) Laplace scale of their errors [px].
-    """
-
-    offsets: Float[np.ndarray, "c 3"]
-    offset_scale: Float[np.ndarray, "c"]
-    pixels: Float[np.ndarray, "c 2"]
-    pixel_scale: Float[np.ndarray, "c"]
-
-
-@dataclass(frozen=True)
-class Outline:
-    """The model's surface, and the mask that its outline must meet.
-
-    Args:
-        points: (v, 3) canonical surface points [m].
-        model: of their displacement by the latent, `ShapeSpace.displacement_model(points)`.
-    """
-
-    silhouette: Silhouette
-    points: Float[np.ndarray, "v 3"]
-    model: DisplacementModel
-
-    def shaped(self, latent: Float[np.ndarray, "k"]) -> Float[np.ndarray, "v 3"]:
-        """The surface points of the shape with this latent, object frame [m]."""
-        return self.model.displaced(self.points, latent)
+Poses = tuple[Float[np.ndarray, "4 4"], ...]
+Latent = Float[np.ndarray, "k"]
 
 
 @dataclass(frozen=True)
 class PoseAndShape:
-    """Result: refined pose, latent and their joint posterior covariance.
+    """Result: refined poses, latent and the joint posterior covariance of the first pose and the latent.
 
     Args:
-        covariance: (6 + k, 6 + k) over turn [rad], shift [m] and latent; 0 for a pose that was kept.
+        poses: (4, 4) `camera_from_object`, one where the camera moved about the object, else one a picture.
+        covariance: (6 + k, 6 + k) over turn [rad] and shift [m] of the first pose, and latent; 0 for a pose
+            that was kept.
         converged: whether the latent's last step was small; the pose's is, by then, some 0.2 degrees and mm.
     """
 
-    camera_from_object: Float[np.ndarray, "4 4"]
-    latent: Float[np.ndarray, "k"]
+    poses: Poses
+    latent: Latent
     covariance: Float[np.ndarray, "s s"]
     converged: bool
 
+    @property
+    def camera_from_object(self) -> Float[np.ndarray, "4 4"]:
+        """(4, 4) in the first picture's camera [m]."""
+        return self.poses[0]
+
 
 def fit_pose_and_shape(
-    motion: Motion,
-    points: Float[np.ndarray, "c 3"],
-    model: DisplacementModel,
+    pictures: Sequence[PictureEvidence],
+    poses: Sequence[Float[np.ndarray, "4 4"]],
+    priors: Sequence[PosePrior | None],
     *,
-    camera: Camera,
-    start_pose: Float[np.ndarray, "4 4"],
-    pose_prior: PosePrior | None,
-    latent_prior: LatentPrior | None = None,
-    outline: Outline | None = None,
+    places: Sequence[PicturePlace] = (PicturePlace(),),
+    earlier: ObjectPosterior | None = None,
+    standing: Standing | None = None,
 ) -> PoseAndShape:
-    """Maximise the posterior of pose and latent.
+    """Maximise the posterior of poses and latent.
 
     Args:
-        points: (c, 3) canonical points of the cells [m].
-        model: of their displacement by the latent, `ShapeSpace.displacement_model(points)`.
-        camera: of the zoomed picture.
-        start_pose: `camera_from_object` to start from.
-        pose_prior: of the pose about the given one; None trusts the start pose and fits the latent alone.
-        latent_prior: None takes the shape space's own, zero mean and unit deviation.
-        outline: the predicted mask, and the model's surface whose outline must meet it.
+        pictures: what each picture says.
+        poses: each `camera_from_object` to start from.
+        priors: of each pose about the given one; None trusts the pose it starts from.
+        places: of each picture: which pose it goes with, and how much it counts.
+        earlier: what earlier pictures have left known, of the first pose and the latent.
+        standing: the plane on which the object stands, in the first picture's camera.
     """
-    size = model.n_modes
-    latent_prior = latent_prior or LatentPrior(np.zeros(size), np.ones(size))
-    evidence = _Evidence(motion, points, model, camera, outline)
-    prior = _Prior(pose_prior, latent_prior)
-    pose, latent = start_pose, latent_prior.mean
-    free = slice(0, None) if pose_prior is not None else slice(6, None)
-    longest = np.concatenate([np.repeat(LONGEST_STEP[:2], 3), np.full(size, LONGEST_STEP[2])])
-    covariance, converged = np.zeros((6 + size, 6 + size)), False
+    known = _Known(tuple(pictures), tuple(places), tuple(priors), earlier, standing)
+    at, latent = tuple(poses), known.first_latent()
+    size, count = len(latent), len(at)
+    fitted = [prior is not None for prior in priors]
+    fitted[0] |= earlier is not None and earlier.pose_known
+    free = np.flatnonzero(np.concatenate([np.repeat(fitted, 6), np.ones(size, bool)]))
+    longest = np.concatenate([np.tile(np.repeat(LONGEST_STEP[:2], 3), count), np.full(size, LONGEST_STEP[2])])
+    covariance, converged = np.zeros((6 * count + size,) * 2), False
+    searched = standing is not None or any(picture.outline is not None for picture in pictures)
     for iteration in range(ITERATIONS):
         if iteration in OUTLINE_SEARCHES:
-            evidence.search_outline(pose, latent)
-        hessian, gradient = evidence.quadratic(pose, latent)
-        hold, pull = prior.quadratic(pose, latent)
-        covariance[free, free] = np.linalg.inv((hessian + hold)[free, free])
-        step = np.zeros(6 + size)
-        step[free] = -covariance[free, free] @ (gradient + pull)[free]
+            known.search(at, latent)
+        hessian, gradient = known.quadratic(at, latent)
+        covariance[np.ix_(free, free)] = np.linalg.inv(hessian[np.ix_(free, free)])
+        step = np.zeros(len(longest))
+        step[free] = -covariance[np.ix_(free, free)] @ gradient[free]
         step *= min(1.0, 1 / max(np.abs(step / longest).max(), 1e-9))
-        pose = moved(pose, step[:6])
-        latent = latent + step[6:]
-        converged = bool(np.abs(step[6:]).max() < CONVERGED)
-        if converged and (outline is None or iteration > OUTLINE_SEARCHES[-1]):
+        at = tuple(moved(pose, step[6 * number : 6 * number + 6]) for number, pose in enumerate(at))
+        latent = latent + step[6 * count :]
+        converged = bool(np.abs(step[6 * count :]).max() < CONVERGED)
+        if converged and (not searched or iteration > OUTLINE_SEARCHES[-1]):
             break
-    return PoseAndShape(pose, latent, _widened(covariance), converged)
+    chosen = _columns(0, count, size)
+    covariance = _unweighted(covariance[np.ix_(chosen, chosen)], known.share_of_prior(0))
+    return PoseAndShape(at, latent, covariance, converged)
 
 
-def _widened(covariance: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "s s"]:
-    """With the pose as unsure as what the picture really says of it leaves it."""
+def widened_pose(covariance: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "s s"]:
+    """The covariance of a fit with the pose as unsure as what pictures really say of it leaves it."""
     deviation = np.ones(len(covariance))
     deviation[:6] = np.sqrt(POSE_OVERCONFIDENCE)
     return covariance * np.outer(deviation, deviation)
 
 
-@dataclass
-class _Evidence:
-    """What the picture says, as hessian and gradient over turn, shift and latent."""
-
-    motion: Motion
-    points: Float[np.ndarray, "c 3"]
-    model: DisplacementModel
-    camera: Camera
-    outline: Outline | None
-    meetings: Meetings | None = None  # of outline and mask, once searched
-
-    def search_outline(self, pose, latent):
-        """Find the vertices that lie on the model's outline now."""
-        if self.outline is not None and self.outline.silhouette.usable:
-            self.meetings = self.outline.silhouette.meetings(self.outline.shaped(latent), pose)
-
-    def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
-        """Of flow, offsets and outline together."""
-        shaped = self.model.displaced(self.points, latent)
-        terms = [
-            _offset_terms(self.motion, self.model, latent),
-            _flow_terms(self.motion, shaped, self.model.basis, self.camera, pose),
-        ]
-        if self.outline is not None and self.meetings is not None:
-            terms.append(_outline_terms(self.outline, self.meetings, latent, pose))
-        hessians, gradients = zip(*terms, strict=True)
-        return np.sum(hessians, axis=0), np.sum(gradients, axis=0)
-
-
 @dataclass(frozen=True)
-class _Prior:
-    """What is known of the pose, and of the latent."""
+class _Known:
+    """All that is known of poses and latent: hessian and gradient over turns, shifts and latent."""
 
-    pose: PosePrior | None
-    latent: LatentPrior
+    pictures: tuple[PictureEvidence, ...]
+    places: tuple[PicturePlace, ...]
+    priors: tuple[PosePrior | None, ...]
+    earlier: ObjectPosterior | None
+    standing: Standing | None
 
-    def quadratic(self, pose, latent) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
-        """Hessian and gradient."""
-        precision = self.latent.deviation**-2
-        hold = np.diag(np.concatenate([np.zeros(6), precision]))
-        pull = np.concatenate([np.zeros(6), precision * (latent - self.latent.mean)])
-        if self.pose is not None:
-            # Latents weigh as before: the given pose holds the more, in place of evidence that says the less.
-            hold[:6, :6], pull[:6] = self.pose.quadratic(pose, surer=POSE_OVERCONFIDENCE)
+    def first_latent(self) -> Latent:
+        """The latent to start from: that of earlier pictures, or the mean of what these say as a whole."""
+        if self.earlier is not None:
+            return self.earlier.latent
+        precision = self._latent_precision()
+        parts = [place.weight * said.deviation**-2 / precision * said.mean for said, place in self._said()]
+        return np.sum(parts, axis=0) if parts else np.zeros(self._modes)
+
+    def search(self, poses: Poses, latent: Latent) -> None:
+        """Find the vertices that lie on the outlines now, and those on which the object stands."""
+        for picture, place in zip(self.pictures, self.places, strict=True):
+            picture.search_outline(place.camera_from_object(poses), latent)
+        if self.standing is not None:
+            self.standing.search(poses[0], latent)
+
+    def quadratic(self, poses: Poses, latent: Latent) -> Quadratic:
+        """Hessian and gradient of the negative log posterior."""
+        size = 6 * len(poses) + len(latent)
+        evidence, pull = np.zeros((size, size)), np.zeros(size)
+        for picture, place in zip(self.pictures, self.places, strict=True):
+            own = picture.quadratic(place.camera_from_object(poses), latent)
+            columns = _columns(place.pose, len(poses), len(latent))
+            hessian, gradient = _along_first(own, place)
+            evidence[np.ix_(columns, columns)] += place.weight * hessian
+            pull[columns] += place.weight * gradient
+        hold, back = self._prior(poses, latent)
+        return evidence + hold, pull + back
+
+    def _prior(self, poses: Poses, latent: Latent) -> Quadratic:
+        size = 6 * len(poses) + len(latent)
+        hold, pull = np.zeros((size, size)), np.zeros(size)
+        shape = slice(6 * len(poses), None)
+        hold[shape, shape], pull[shape] = np.diag(self._latent_precision()), self._latent_pull(latent)
+        for number, (prior, pose) in enumerate(zip(self.priors, poses, strict=True)):
+            rows = slice(6 * number, 6 * number + 6)
+            if prior is not None:
+                # Latents weigh as before: the given pose holds the more, in place of evidence that says the
+                # less.
+                held, pulled = prior.quadratic(pose, surer=POSE_OVERCONFIDENCE)
+                share = self.share_of_prior(number)
+                hold[rows, rows], pull[rows] = share * held, share * pulled
+        first = _columns(0, len(poses), len(latent))
+        if self.earlier is not None:
+            _add(hold, pull, first, self.earlier.quadratic(poses[0], latent))
+        if self.standing is not None:
+            held, pulled = self.standing.quadratic(poses[0], latent)
+            _add(hold, pull, first, (POSE_OVERCONFIDENCE * held, POSE_OVERCONFIDENCE * pulled))
         return hold, pull
 
+    def share_of_prior(self, number: int) -> float:
+        """How much the prior of a pose counts: as the picture does that alone has this pose.
 
-def _offset_terms(motion: Motion, model: DisplacementModel, latent):
-    """Hessian and gradient of the offset residuals; the pose does not enter."""
-    size, basis = model.n_modes, model.basis
-    residual = model.at(latent) - motion.offsets
-    weight = _laplace_weight(residual, motion.offset_scale, INDEPENDENT_OFFSETS)
-    rows = basis * weight[:, None, None]
-    hessian, gradient = np.zeros((6 + size, 6 + size)), np.zeros(6 + size)
-    rows, by_latent = rows.reshape(-1, size), basis.reshape(-1, size)
-    hessian[6:, 6:] = rows.T @ by_latent
-    gradient[6:] = rows.T @ residual.ravel()
-    return hessian, gradient
+        Else two copies of a picture, with a pose each, would know their distance better than one.
+        """
+        weights = [place.weight for place in self.places if place.pose == number]
+        return weights[0] if len(weights) == 1 else 1.0
 
+    def _latent_precision(self) -> Latent:
+        """Of the pictures' own statements and the shape space, which each of the statements already holds."""
+        parts = [place.weight * said.deviation**-2 for said, place in self._said()]
+        return np.sum([*parts, np.full(self._modes, self._left_to_space)], axis=0)
 
-def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
-    """Hessian and gradient of the flow residuals over turn, shift and latent."""
-    turned = shaped @ pose[:3, :3].T
-    seen = turned + pose[:3, 3]
-    residual = camera.project(seen) - motion.pixels
-    weight = _laplace_weight(residual, motion.pixel_scale, INDEPENDENT_FLOWS)
-    hessian, gradient = 0.0, 0.0
-    for axis in range(2):
-        jacobian = motion_along(_pixel_gradient(seen, camera)[:, axis], turned, basis, pose[:3, :3])
-        rows = jacobian * weight[:, None]
-        hessian, gradient = hessian + rows.T @ jacobian, gradient + rows.T @ residual[:, axis]
-    return hessian, gradient
+    def _latent_pull(self, latent: Latent) -> Latent:
+        parts = [place.weight * said.deviation**-2 * (latent - said.mean) for said, place in self._said()]
+        return np.sum([*parts, self._left_to_space * latent], axis=0)
 
+    @property
+    def _left_to_space(self) -> float:
+        """How often the shape space's own prior counts beside the statements; earlier pictures hold it."""
+        return float(self.earlier is None) - sum(place.weight for _, place in self._said())
 
-def _outline_terms(outline: Outline, meetings: Meetings, latent, pose):
-    """Hessian and gradient of the distances between outline and mask's border."""
-    camera, model = outline.silhouette.camera, outline.model.take(meetings.vertices)
-    turned = model.displaced(outline.points[meetings.vertices], latent) @ pose[:3, :3].T
-    seen = turned + pose[:3, 3]
-    distance, slope, weight = meetings.residuals(camera.project(seen))
-    directions = np.einsum("pd,pdi->pi", slope, _pixel_gradient(seen, camera))
-    jacobian = motion_along(directions, turned, model.basis, pose[:3, :3])
-    rows = jacobian * weight[:, None]
-    return rows.T @ jacobian, rows.T @ distance
+    @property
+    def _modes(self) -> int:
+        return self.pictures[0].model.n_modes
+
+    def _said(self):
+        pairs = zip(self.pictures, self.places, strict=True)
+        return [(picture.latent, place) for picture, place in pairs if picture.latent is not None]
 
 
-def _pixel_gradient(seen: Float[np.ndarray, "p 3"], camera: Camera) -> Float[np.ndarray, "p 2 3"]:
-    """Derivative of the pixels by the points, camera frame [px/m]."""
-    gradient = np.zeros((len(seen), 2, 3))
-    gradient[:, 0, 0], gradient[:, 1, 1] = camera.fx / seen[:, 2], camera.fy / seen[:, 2]
-    gradient[:, 0, 2] = -camera.fx * seen[:, 0] / seen[:, 2] ** 2
-    gradient[:, 1, 2] = -camera.fy * seen[:, 1] / seen[:, 2] ** 2
-    return gradient
+def _columns(number: int, count: int, size: int) -> Int[np.ndarray, "s"]:
+    """Where turn and shift of one of `count` poses and the latent lie among all unknowns."""
+    return np.concatenate([np.arange(6 * number, 6 * number + 6), np.arange(6 * count, 6 * count + size)])
 
 
-def _laplace_weight(
-    residual: Float[np.ndarray, "c d"], scale: Float[np.ndarray, "c"], independent: float
-) -> Float[np.ndarray, "c"]:
-    """Weights with which least squares fits Laplace errors, of few independent cells."""
-    length = np.linalg.norm(residual, axis=1)
-    share = min(1.0, independent / max(len(length), 1))
-    return share / (scale * np.sqrt(length**2 + scale**2))
+def _unweighted(covariance: Float[np.ndarray, "s s"], weight: float) -> Float[np.ndarray, "s s"]:
+    """Of a pose whose picture and prior counted with this weight: for the pose alone they count fully."""
+    if weight == 1.0:
+        return covariance
+    pose, across, latent = covariance[:6, :6], covariance[:6, 6:], covariance[6:, 6:]
+    found = covariance.copy()
+    found[:6, :6] -= (1 - weight) * (pose - across @ np.linalg.solve(latent, across.T))
+    return found
+
+
+def _along_first(own: Quadratic, place: PicturePlace) -> Quadratic:
+    """Over turn and shift along the axes of the camera of the picture's pose, instead of its own."""
+    if place.camera_from_first is None:
+        return own
+    turned, rotation = np.eye(len(own[1])), place.camera_from_first[:3, :3]
+    turned[:3, :3] = turned[3:6, 3:6] = rotation
+    return turned.T @ own[0] @ turned, turned.T @ own[1]
+
+
+def _add(hold, pull, columns, part: Quadratic):
+    hold[np.ix_(columns, columns)] += part[0]
+    pull[columns] += part[1]

@@ -1,4 +1,4 @@
-"""The RGB estimator: zoom, network, visible motion, shape and pose."""
+"""The RGB estimator: zoom and network on each picture; shape and pose from all of them together."""
 
 import time
 from dataclasses import dataclass
@@ -17,6 +17,7 @@ from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.jobs import single_blas_thread
 from grasptransfer.perception.answering import load_answering
+from grasptransfer.perception.arrangement import arrange
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.confidence import Evidence, evidence
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
@@ -28,21 +29,16 @@ from grasptransfer.perception.networks import (
     Prediction,
 )
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.pose_and_shape import (
-    LatentPrior,
-    Motion,
-    Outline,
-    PoseAndShape,
-    fit_pose_and_shape,
-)
-from grasptransfer.perception.pose_prior import PosePrior
+from grasptransfer.perception.picture_evidence import LatentPrior, Motion, Outline, PictureEvidence
+from grasptransfer.perception.pose_and_shape import fit_pose_and_shape, widened_pose
 from grasptransfer.perception.seen_surface import ShapedModel
+from grasptransfer.perception.several_pictures import PicturePlace
 from grasptransfer.perception.silhouette import Silhouette
+from grasptransfer.perception.standing import Standing, Support
 from grasptransfer.perception.weights import find_weights
-from grasptransfer.perception.zoom import MASK_STRIDE, centre_on_box, zoom_camera, zoom_mask, zoom_picture
+from grasptransfer.perception.zoom import MASK_STRIDE, zoom_camera, zoom_mask, zoom_picture
 
 LOOKS = 2
-ROUGH = 0.2  # of the given box's side: a pose that misses its centre by more is centred on it first
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 NEAREST = 0.03  # m before the camera: a model that comes nearer, or lies behind it, fills no picture
 
@@ -69,7 +65,7 @@ class Look:
 
 
 class RgbEstimator:
-    """From one RGB picture and an approximate pose to the shape; warm, and usable from any thread.
+    """From RGB pictures and approximate poses to the shape; warm, and usable from any thread.
 
     Args:
         weights: a `.safetensors` file; None takes the one shipped for the category.
@@ -100,15 +96,13 @@ class RgbEstimator:
     def assess(self, observation: Observation) -> tuple[ShapeEstimate, Evidence]:
         """The estimate, and what its `category_score` rests on."""
         clock = _Clock()
-        prior = PosePrior.of(observation.camera_from_object, observation.pose_covariance)
-        prior = prior if self.refine_pose else None
-        pose = observation.camera_from_object if prior is None else self._start(observation)
-        latent = np.zeros(self.category.shape_space.n_modes)
+        given = arrange(observation, self._vertices, refine=self.refine_pose)
+        poses, latent = given.start, given.latent(self.category.shape_space.n_modes)
         astray = False
-        # The second look compares the picture with what the first one made of it.
+        # The second pass compares the pictures with what the first one made of them.
         for number in range(LOOKS):
             try:
-                look = self.look(observation, pose, latent)
+                looks = self._look_at_all(observation, given.places, poses, latent)
             except PoseError:
                 if number == 0:
                     raise
@@ -117,45 +111,57 @@ class RgbEstimator:
             clock.lap("network")
             with single_blas_thread():
                 fit = fit_pose_and_shape(
-                    look.motion,
-                    look.view.cell_points,
-                    self.category.shape_space.displacement_model(look.view.cell_points),
-                    camera=look.camera,
-                    start_pose=pose,
-                    pose_prior=prior,
-                    latent_prior=look.latent,
-                    outline=self._outline(look),
+                    [self._evidence(look) for look in looks],
+                    poses,
+                    given.priors,
+                    places=given.places,
+                    earlier=given.earlier,
+                    standing=self._standing(observation.support),
                 )
-            pose, latent = fit.camera_from_object, fit.latent
+            poses, latent = fit.poses, fit.latent
             clock.lap("fit")
-        field = self.category.shape_space.field(fit.latent)
-        found = evidence(look.match, self._overlap(fit, look), fit.latent)
+        overlaps = [
+            self._overlap(fit.latent, place.camera_from_object(fit.poses), look)
+            for place, look in zip(given.places, looks, strict=True)
+        ]
+        match = float(np.mean([look.match for look in looks]))
+        found = evidence(match, float(np.mean(overlaps)), fit.latent)
         score = self.confidence.of_the_category(found)
         clock.lap("score")
         status = EstimateStatus.OK if fit.converged and not astray else EstimateStatus.NOT_CONVERGED
+        posterior = given.posterior(fit, observation.camera_from_object)
         estimate = ShapeEstimate(
-            field=field,
+            field=self.category.shape_space.field(fit.latent),
             camera_from_object=fit.camera_from_object,
             latent=fit.latent,
-            covariance=self.confidence.widened_with_pose(fit.covariance),
-            mask=_whole_mask(look, observation.camera),
+            covariance=self.confidence.widened_with_pose(widened_pose(posterior.covariance)),
+            mask=_whole_mask(looks[0], observation.camera),
             category_score=score,
             status=status if score >= self.confidence.accepted_score else EstimateStatus.OUT_OF_CATEGORY,
-            pose_sigma_prior=None if prior is None else prior.deviation,
+            pose_sigma_prior=given.sigma,
+            posterior=posterior,
             timings=clock.seconds,
         )
         return estimate, found
 
-    def _start(self, observation: Observation) -> Float[np.ndarray, "4 4"]:
-        """The given pose; one that lies far from the given box is first centred on it, as in training."""
-        pose, camera, box = observation.camera_from_object, observation.camera, observation.box
-        if box is None:
-            return pose
-        u0, v0, u1, v1 = projected_box(self._vertices, camera, pose)
-        aside = np.hypot(box[0] + box[2] - u0 - u1, box[1] + box[3] - v0 - v1) / 2
-        if aside < ROUGH * max(box[2] - box[0], box[3] - box[1]):
-            return pose
-        return centre_on_box(self._vertices, camera, pose, box)
+    def _look_at_all(
+        self,
+        observation: Observation,
+        places: tuple[PicturePlace, ...],
+        poses: tuple[Float[np.ndarray, "4 4"], ...],
+        latent: Float[np.ndarray, "k"],
+    ) -> list[Look]:
+        pairs = zip(observation.pictures, places, strict=True)
+        return [self.look(picture, place.camera_from_object(poses), latent) for picture, place in pairs]
+
+    def _evidence(self, look: Look) -> PictureEvidence:
+        """What a picture says, for the fit."""
+        points = look.view.cell_points
+        model = self.category.shape_space.displacement_model(points)
+        return PictureEvidence(look.motion, points, model, look.camera, self._outline(look), look.latent)
+
+    def _standing(self, support: Support | None) -> Standing | None:
+        return support and Standing(support, self._vertices, self.category.vertices_by_latent)
 
     def look(
         self,
@@ -211,10 +217,10 @@ class RgbEstimator:
     def _vertices(self) -> Float[np.ndarray, "v 3"]:
         return np.asarray(self.category.canonical.vertices)
 
-    def _overlap(self, fit: PoseAndShape, look: Look) -> float:
+    def _overlap(self, latent: Float[np.ndarray, "k"], pose: Float[np.ndarray, "4 4"], look: Look) -> float:
         """How well the reconstruction's silhouette covers the predicted mask: intersection over union."""
-        faces, vertices = np.asarray(self.category.canonical.faces), self._model.vertices(fit.latent)
-        shown = visible_faces(vertices, faces, look.camera, fit.camera_from_object)
+        faces, vertices = np.asarray(self.category.canonical.faces), self._model.vertices(latent)
+        shown = visible_faces(vertices, faces, look.camera, pose)
         silhouette = shown.mask[2::MASK_STRIDE, 2::MASK_STRIDE]
         seen = look.object_probability > 0.5
         return float((silhouette & seen).sum() / max((silhouette | seen).sum(), 1))

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
@@ -24,7 +25,8 @@ from grasptransfer.report.transfer_inputs import TransferInputs, TransferSetting
 from grasptransfer.transfer import GraspTransfer
 
 RESULTS = "results.jsonl"
-OF_EACH = ("pose", "camera", "mask", "depth", "scene", "execute")  # a file for all, or a folder of files
+OF_EACH = ("pose", "camera", "mask", "depth")  # a file for all pictures, or a folder of files
+OF_OBJECT = ("scene", "execute")  # the same
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def run_batch(
         GraspTransferError: what is wrong with all of them, such as the category or the gripper.
     """
     check_folder(settings.out, "out")
-    pictures = pictures_of(settings.image)
+    pictures = pictures_of(settings.image[0])
     on_stage(f"{len(pictures)} pictures; loading the category {settings.category}")
     flow = flow_of(settings)
     with Record(settings.out / RESULTS) as record:
@@ -128,14 +130,20 @@ def pictures_of(folder: Path) -> list[tuple[Path, str]]:
 
 def _of_picture(settings: TransferSettings, picture: Path, out: Path) -> TransferSettings:
     """The settings of one picture: files of its name in place of folders."""
-    own = {}
+    own: dict[str, Any] = {}
     for name in OF_EACH:
+        own[name] = tuple(_file_of(given, picture, name) for given in getattr(settings, name))
+    for name in OF_OBJECT:
         given = getattr(settings, name)
-        own[name] = _file_of(given, picture, name) if given is not None and given.is_dir() else given
-    return replace(settings, image=picture, out=out, **own)
+        own[name] = given and _file_of(given, picture, name)
+    return replace(settings, image=(picture,), out=out, **own)
 
 
-def _file_of(folder: Path, picture: Path, key: str) -> Path:
+def _file_of(given: Path, picture: Path, key: str) -> Path:
+    """The given file, or the one of the picture's name in the given folder."""
+    if not given.is_dir():
+        return given
+    folder = given
     found = [path for path in sorted(folder.iterdir()) if path.stem == picture.stem and path != picture]
     if len(found) != 1:
         problem = f"holds {len(found) or 'no'} files of the picture's name"
@@ -148,13 +156,13 @@ def _key(one: TransferSettings, given: TransferInputs, flow: GraspTransfer) -> s
     plain = {
         field.name: getattr(one, field.name)
         for field in fields(one)
-        if field.name not in ("image", "out", "pose", "camera", *OF_EACH)
+        if field.name not in ("image", "out", *OF_EACH, *OF_OBJECT)
     }
     files = {name: getattr(one, name) for name in ("mask", "depth", "scene", "execute")}
     category = flow.category.folder / "category.yaml"
     grasps = one.grasps or flow.category.grasps_path
-    seen = [given.pixels, given.camera_from_object, given.seen["box"], given.seen["pose_sigma"]]
-    camera = given.seen["camera"].matrix
+    seen = [given.pictures[key] for key in ("image", "pose", "box", "pose_sigma")]
+    camera = given.pictures["camera"].matrix
     return content_key(grasptransfer.__version__, plain, files, category, grasps, seen, camera)
 
 

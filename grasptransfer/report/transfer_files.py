@@ -54,7 +54,7 @@ class TransferOutcome:
 def run_transfer(
     settings: TransferSettings, *, on_stage: Callable[[str], None] = lambda line: None
 ) -> TransferOutcome:
-    """Transfer grasps to the instance in a picture, and write report, grasps and reconstruction.
+    """Transfer grasps to the instance in the pictures, and write report, grasps and reconstruction.
 
     Args:
         on_stage: called with one line that says what is done next.
@@ -63,7 +63,7 @@ def run_transfer(
         GraspTransferError: wrong input; nothing is written then.
     """
     check_folder(settings.out, "out")
-    on_stage(f"reading {settings.image}")
+    on_stage(f"reading {', '.join(str(image) for image in settings.image)}")
     given = read_inputs(settings)
     on_stage(f"loading the category {settings.category} and what estimates its shape")
     return transfer_inputs(flow_of(settings), given, settings, on_stage=on_stage)
@@ -76,14 +76,13 @@ def transfer_inputs(
     *,
     on_stage: Callable[[str], None] = lambda line: None,
 ) -> TransferOutcome:
-    """Transfer, execute where a mesh is given, and write the files of one picture."""
+    """Transfer, execute where a mesh is given, and write the files of one object."""
     on_stage("estimating the shape, transferring and checking the grasps")
-    pose, mesh = given.camera_from_object, given.true_mesh
-    result = flow.transfer(given.pixels, pose, **given.seen)
+    result, mesh = flow.transfer(**given.pictures, **given.others), given.true_mesh
     trials = ()
     if mesh is not None:
         on_stage(f"executing the best of {len(result.usable)} usable grasps")
-        trials = execute_best(result, mesh, pose, seed=settings.seed)
+        trials = execute_best(result, mesh, result.observation.camera_from_object, seed=settings.seed)
     on_stage(f"writing {settings.out / REPORT}")
     return write_outcome(result, trials, mesh, settings.out)
 

@@ -6,17 +6,18 @@ from typing import Annotated, Any
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from PIL import Image
 from tyro.conf import Positional, arg
 
-from grasptransfer.errors import ImageError
+from grasptransfer.errors import ImageError, SettingsError
 from grasptransfer.grasping import load_scene
 from grasptransfer.meshes import load_mesh
 from grasptransfer.options import Device, EstimatorName, Precision, RefinePose, Seed, check_counts
 from grasptransfer.perception.estimators import EstimatorSettings
 from grasptransfer.perception.observation import read_image
 from grasptransfer.perception.picture_camera import camera_of
+from grasptransfer.perception.several_pictures import MOVED_CAMERA, check_views
 from grasptransfer.poses import PoseSigma, read_pose
 from grasptransfer.transfer import GraspTransfer
 
@@ -26,43 +27,51 @@ class TransferSettings:
     """Files in, files out, and how the grasps are transferred.
 
     Args:
-        image: RGB picture; or a folder of them, each with its entry in the pose file, or a pose file of its
-            name in a folder of poses.
+        image: RGB picture; or several, all of one object; or a folder of them, each of its own object, with
+            its entry in the pose file, or a pose file of its name in a folder of poses.
         category: name or folder of the category.
-        pose: YAML with camera_from_object (4x4, OpenCV, metres); also of BOP, ROS, MegaPose, and 4x4 text.
+        pose: YAML with camera_from_object (4x4, OpenCV, metres); also of BOP, ROS, MegaPose, and 4x4 text. Of
+            several pictures one each, or one with an entry of each.
         out: folder for report.html, grasps.yaml and reconstruction.glb; files of these names are replaced. Of
             a folder of pictures, each has its folder in it.
         camera: YAML with fx fy cx cy width height; also camera_info, calibrations, 3x3 text; without it the
-            photograph's EXIF data count, else 60 degrees are assumed.
+            photograph's EXIF data count, else 60 degrees are assumed. One for all pictures, or one each.
         gripper: name, or YAML of your own.
         grasps: grasp file for this category in place of its own, as the annotator writes it.
         scene: YAML with obstacles and a support plane.
-        mask: picture that is white on the object.
-        box: u0 v0 u1 v1 around the object [px], as any detector gives it; without it, the pose file's box.
+        mask: picture that is white on the object; of several pictures one each.
+        box: u0 v0 u1 v1 around the object [px], as any detector gives it; without it, the pose file's box. Of
+            several pictures, four numbers each.
         execute: true mesh of the instance [m], standing at the given pose; the grasps are executed on it.
         pose_sigma: how sure the pose is: 0, exact; or standard deviations in metres and degrees; without it,
             the pose file's pose_sigma counts, or else the errors of real pose estimators.
-        depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth.
+        depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth; of several
+            pictures one each.
+        views: how the poses of several pictures go together. "moved camera": the camera moved about a
+            standing object, and the differences of the poses are trusted; "separate": each pose errs by
+            itself.
 
     Raises:
-        SettingsError: a seed below 0, or an unknown device or precision.
+        SettingsError: a seed below 0, an unknown device or precision, unknown views, or not one file for each
+            picture.
     """
 
-    image: Positional[Annotated[Path, arg(metavar="IMAGE")]]
+    image: Positional[Annotated[tuple[Path, ...], arg(metavar="IMAGE")]]
     category: str
-    pose: Path
+    pose: tuple[Path, ...]
     out: Path
-    camera: Path | None = None
+    camera: tuple[Path, ...] = ()
     gripper: str = "panda"
     grasps: Path | None = None
     scene: Path | None = None
-    mask: Path | None = None
-    box: tuple[float, float, float, float] | None = None
+    mask: tuple[Path, ...] = ()
+    box: tuple[float, ...] = ()
     execute: Path | None = None
     pose_sigma: tuple[float, ...] | None = None
     refine_pose: RefinePose = True
     estimator: EstimatorName = "rgb"
-    depth: Path | None = None
+    depth: tuple[Path, ...] = ()
+    views: str = MOVED_CAMERA
     device: Device = "auto"
     precision: Precision = "auto"
     seed: Seed = 0
@@ -70,6 +79,8 @@ class TransferSettings:
     def __post_init__(self):
         check_counts(self)
         EstimatorSettings(self.refine_pose, self.device, self.precision)
+        check_views(self.views)
+        _check_lengths(self)
 
     @property
     def given_sigma(self) -> PoseSigma | None:
@@ -78,20 +89,35 @@ class TransferSettings:
         return sigma[0] if sigma is not None and len(sigma) == 1 else sigma
 
 
+def _check_lengths(settings: TransferSettings) -> None:
+    """
+    Raises:
+        SettingsError: no picture, or not one file for each.
+    """
+    count = len(settings.image)
+    if count == 0:
+        raise SettingsError("names no picture", key="image", value=settings.image)
+    for key, others in (("pose", (1,)), ("camera", (0, 1)), ("mask", (0,)), ("depth", (0,))):
+        found = len(getattr(settings, key))
+        if found not in (count, *others):
+            raise SettingsError(f"must name {count}, one for each picture", key=key, value=f"{found} of them")
+    if len(settings.box) not in (0, 4 * count):
+        raise SettingsError(f"must be {4 * count} numbers, four a picture", key="box", value=settings.box)
+
+
 @dataclass(frozen=True)
 class TransferInputs:
-    """What the files of one picture hold.
+    """What the files of one object hold.
 
     Args:
-        pixels: (h, w, 3) RGB.
-        camera_from_object: (4, 4) the given pose [m].
-        seen: the other arguments of `GraspTransfer.transfer`.
+        pictures: `image`, `pose`, `camera` and what else is given of each picture, lists where there are
+            several, as `GraspTransfer.transfer` takes them.
+        others: its other arguments.
         true_mesh: to execute the grasps on, or None.
     """
 
-    pixels: UInt8[np.ndarray, "h w 3"]
-    camera_from_object: Float[np.ndarray, "4 4"]
-    seen: dict[str, Any]
+    pictures: dict[str, Any]
+    others: dict[str, Any]
     true_mesh: trimesh.Trimesh | None
 
 
@@ -101,17 +127,41 @@ def read_inputs(settings: TransferSettings) -> TransferInputs:
     Raises:
         GraspTransferError: one of them is wrong.
     """
-    pixels, given = read_image(settings.image), read_pose(settings.pose, image=settings.image)
-    seen = {
-        "camera": camera_of(settings.image, settings.camera, *pixels.shape[1::-1]),
-        "box": given.box if settings.box is None else settings.box,
-        "mask": None if settings.mask is None else load_mask(settings.mask),
-        "depth": None if settings.depth is None else load_depth(settings.depth),
+    count = len(settings.image)
+    pictures = [_read_picture(settings, number) for number in range(count)]
+    others = {
+        "views": settings.views,
         "scene": None if settings.scene is None else load_scene(settings.scene),
-        "pose_sigma": given.pose_sigma if settings.pose_sigma is None else settings.given_sigma,
     }
+    if count > len(settings.pose) and len({one["pose"].tobytes() for one in pictures}) == 1:
+        fix = "Give one pose file for each, or one with an entry of each"
+        raise SettingsError("holds one pose for several pictures", key="pose", path=settings.pose[0], fix=fix)
+    together = {key: [one[key] for one in pictures] for key in pictures[0]}
+    missing = [key for key, values in together.items() if all(value is None for value in values)]
+    seen = together | dict.fromkeys(missing) if count > 1 else pictures[0]
     true_mesh = None if settings.execute is None else load_mesh(settings.execute)
-    return TransferInputs(pixels, given.camera_from_object, seen, true_mesh)
+    return TransferInputs(seen, others, true_mesh)
+
+
+def _read_picture(settings: TransferSettings, number: int) -> dict[str, Any]:
+    """One picture, and what is given of it."""
+    image = settings.image[number]
+    pixels, given = read_image(image), read_pose(_of(settings.pose, number), image=image)
+    camera, mask, depth = (_of(files, number) for files in (settings.camera, settings.mask, settings.depth))
+    return {
+        "image": pixels,
+        "pose": given.camera_from_object,
+        "camera": camera_of(image, camera, *pixels.shape[1::-1]),
+        "pose_sigma": given.pose_sigma if settings.pose_sigma is None else settings.given_sigma,
+        "box": settings.box[4 * number : 4 * number + 4] or given.box,
+        "mask": None if mask is None else load_mask(mask),
+        "depth": None if depth is None else load_depth(depth),
+    }
+
+
+def _of(files: tuple[Path, ...], number: int) -> Any:
+    """The file of this picture; one serves all, and without any there is none."""
+    return None if not files else files[number] if len(files) > 1 else files[0]
 
 
 def flow_of(settings: TransferSettings) -> GraspTransfer:

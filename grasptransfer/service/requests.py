@@ -7,7 +7,7 @@
 | category, gripper | names that `metadata` lists |
 | camera | [fx, fy, cx, cy] [px], or (3, 3) intrinsics; none: 60 degrees horizontal field of view |
 | box, mask, depth | as of `transfer_grasps`; mask and depth as arrays |
-| scene | `obstacles`: name -> (box, or vertices and faces; camera_from_obstacle); `support_plane` |
+| scene | `obstacles`: name -> (box, or vertices and faces; camera_from_obstacle); `support_plane`, `stands` |
 | estimator, pose_sigma, refine_pose, world_from_camera, seed | as of `transfer_grasps` |
 | mesh | true: the answer also holds vertices and faces of the reconstruction |
 
@@ -133,7 +133,7 @@ def scene_of(value: Any) -> "Scene | None":
         return None
     if not isinstance(value, Mapping):
         raise SceneError("must be a mapping", key="scene", value=type(value).__name__)
-    check_keys(value, ("obstacles", "support_plane"), (), "scene")
+    check_keys(value, ("obstacles", "support_plane", "stands"), (), "scene")
     obstacles = value.get("obstacles") or {}
     if not isinstance(obstacles, Mapping):
         raise SceneError("must map names to obstacles", key="scene.obstacles", value=type(obstacles).__name__)
@@ -143,7 +143,10 @@ def scene_of(value: Any) -> "Scene | None":
             raise SceneError("must hold point and normal", key="scene.support_plane", value=plane)
         check_keys(plane, ("point", "normal"), ("point", "normal"), "scene.support_plane")
         plane = (array(plane["point"], "scene.support_plane"), array(plane["normal"], "scene.support_plane"))
-    return Scene(tuple(_obstacle(str(name), one) for name, one in obstacles.items()), plane)
+    stands = value.get("stands", False)
+    if not isinstance(stands, bool):
+        raise SceneError("must be true or false", key="scene.stands", value=stands)
+    return Scene(tuple(_obstacle(str(name), one) for name, one in obstacles.items()), plane, stands)
 
 
 def _obstacle(name: str, value: Any) -> tuple[str, Any, np.ndarray]:

@@ -1,19 +1,21 @@
 """Instances whose shape is known, and pictures of them: the input of the benchmarks."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Float32
+from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.drawing.views import VIEWPOINTS, sphere_views
 from grasptransfer.errors import MeshError, SettingsError
+from grasptransfer.frames import invert, rigid
 from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.registration import DeformationField, cpd
@@ -25,6 +27,7 @@ from grasptransfer.workshop.training.backgrounds import draw_backdrop
 from grasptransfer.workshop.training.scenes import PoseNoise, draw_lighting
 
 CAMERA = Camera.from_fov(640, 480, np.deg2rad(60))
+APART = np.deg2rad(45)  # from each picture of one object to the next
 FILL = 0.55  # The object covers this share of the picture's height.
 MESH_SUFFIXES = (".glb", ".obj", ".ply", ".off", ".stl")
 RANDOM = "random_"  # before the seed, in the names of shapes that are drawn when asked for
@@ -165,13 +168,15 @@ def observe_instance(
     renderer: Renderer,
     noise: PoseNoise | GivenPoses | None = None,
     seed: int = 0,
+    pictures: int = 1,
 ) -> tuple[Observation, Float[np.ndarray, "4 4"]]:
     """Picture, depth and mask of an instance, and the true pose; arguments as of `see_instance`.
 
     Args:
-        instance, viewpoint, renderer, noise, seed: as for `see_instance`.
+        instance, viewpoint, renderer, noise, seed, pictures: as for `see_instance`.
     """
-    sight = see_instance(instance, viewpoint, renderer=renderer, noise=noise, seed=seed)
+    how = {"renderer": renderer, "noise": noise, "seed": seed, "pictures": pictures}
+    sight = see_instance(instance, viewpoint, **how)
     return sight.observation, sight.pose
 
 
@@ -182,6 +187,7 @@ def see_instance(
     renderer: Renderer,
     noise: PoseNoise | GivenPoses | None = None,
     seed: int = 0,
+    pictures: int = 1,
 ) -> Sight:
     """What a camera sees of an instance from one of the paper's 74 viewpoints.
 
@@ -189,14 +195,48 @@ def see_instance(
         viewpoint: its index, from 0.
         noise: error of the given pose; `GivenPoses` also say how sure it is.
         seed: seed of light, background and pose error, which differ between viewpoints.
+        pictures: how many pictures the observation holds: the camera goes sideways around the object, by
+            `APART` from each to the next. One error of the pose is common to all; light and background are
+            not.
     """
     radius = float(np.linalg.norm(np.asarray(instance.solid.bounds), axis=1).max())
     distance = CAMERA.fy * 2 * radius / (FILL * CAMERA.height)
     pose = sphere_views(distance)[viewpoint]
     rng = np.random.default_rng([seed, viewpoint])
+    sight = _see(instance, pose, None, renderer=renderer, noise=noise, rng=rng)
+    given, further = sight.observation.camera_from_object, []
+    for number in range(1, pictures):
+        moved = pose @ rigid(around(pose, number * APART), np.zeros(3))
+        rng = np.random.default_rng([seed, viewpoint, number])
+        seen = _see(instance, moved, moved @ invert(pose) @ given, renderer=renderer, noise=noise, rng=rng)
+        further.append(seen.observation)
+    return replace(sight, observation=replace(sight.observation, further=tuple(further)))
+
+
+def around(pose: Float[np.ndarray, "4 4"], angle: float) -> Float[np.ndarray, "3 3"]:
+    """The turn of the object that looks like a camera's way around it, to the side.
+
+    Args:
+        pose: (4, 4) `camera_from_object` [m].
+        angle: of the way around [rad].
+    """
+    return Rotation.from_rotvec(angle * pose[1, :3]).as_matrix()
+
+
+def _see(
+    instance: Instance,
+    pose: Float[np.ndarray, "4 4"],
+    given: Float[np.ndarray, "4 4"] | None,
+    *,
+    renderer: Renderer,
+    noise: PoseNoise | GivenPoses | None,
+    rng: np.random.Generator,
+) -> Sight:
+    """From this pose; where no given pose is, one is drawn."""
     picture = renderer.render(instance.mesh, CAMERA, pose, lighting=draw_lighting(rng))
     background = draw_backdrop(rng, CAMERA.width, CAMERA.height)
-    given = noise.apply(pose, rng) if noise else pose
+    if given is None:
+        given = noise.apply(pose, rng) if noise else pose
     observation = observe(
         picture.over(background),
         given,
