@@ -17,16 +17,16 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import CategoryError, NotSucceeded, SceneError, check_seed
+from grasptransfer.errors import CategoryError, NotSucceeded, check_seed
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping import (
     Gripper,
     PlannedGrasps,
     Scene,
+    as_scene,
     expand_symmetry,
     load_grasps,
     load_gripper,
-    load_scene,
     mark_unlikely,
     plan_grasps,
     rank_grasps,
@@ -128,9 +128,8 @@ class GraspTransfer:
         """Follow one object from picture to picture: what each leaves known is the prior of the next.
 
         Args:
-            views: how the poses go together: "moved camera", their differences are trusted, or "separate".
-            pose_noise: how far the differences may be off, from each picture to the next: (translation [m],
-                rotation [deg]), or a (6, 6) covariance, turn, then shift.
+            views: how the poses go together, as of `transfer_grasps`.
+            pose_noise: by how much their differences err from each picture to the next, as `pose_sigma`.
 
         Raises:
             SettingsError: unknown `views`, or an estimator that takes one picture at a time.
@@ -145,7 +144,7 @@ class GraspTransfer:
         """Transfer the annotated grasps to what was observed; arguments as of `transfer_grasps`."""
         if observation.further:
             check_several_pictures(self._named, "image")
-        scene = _checked_scene(scene)
+        scene = as_scene(scene)
         if scene is not None:
             observation = replace(observation, support=scene.support)
         if world_from_camera is not None:
@@ -244,16 +243,14 @@ def transfer_grasps(
         mask: bool (h, w) of what is seen of the object, taken as it is; or a segmenter or detector, a
             callable from the picture, uint8 (h, w, 3) RGB, to mask or box; or None.
         depth: (h, w) metres, 0 = missing; for the estimators that use depth.
-        scene: obstacles and a support plane, on which the object may be said to stand, or the path of a scene
-            YAML; optional.
+        scene: obstacles and a support plane, on which the object may stand, or the path of a YAML; optional.
         estimator: one of `ESTIMATORS`, or any callable `Observation -> ShapeEstimate`.
         pose_sigma: how sure the pose is: None, as those of real estimators (`perception/pose_prior.py`); 0,
             exact; (translation [m], rotation [deg]), standard deviations along and about each axis; or a
             (6, 6) covariance, turn [rad] about the object's origin, then shift [m], along camera axes.
         refine_pose: fit the pose together with the shape; without, the pose is taken as exact.
-        views: how the poses of several pictures go together. "moved camera": the object stood still and the
-            camera's way is known, so that one error, that of the first pose, is common to all; "separate":
-            each pose errs by itself.
+        views: of several pictures. "moved camera": the object stood still and the camera's way is known, so
+            that one error, that of the first pose, is common to all; "separate": each pose errs by itself.
         world_from_camera: (4, 4) where the camera stands [m], or None; with it every grasp has
             `world_from_gripper`.
         device: "auto", "cpu", "openvino" or "cuda", of networks (`perception/device.py`).
@@ -282,14 +279,6 @@ def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:
             "the results are of different categories", value=(a.category.name, b.category.name)
         )
     return pair_fields(a.field, b.field)
-
-
-def _checked_scene(scene: object) -> Scene | None:
-    if isinstance(scene, str | Path):
-        return load_scene(scene)
-    if scene is None or isinstance(scene, Scene):
-        return scene
-    raise SceneError("must be a Scene or the path of a scene YAML", key="scene", value=type(scene).__name__)
 
 
 def _grasp_file(category: Category) -> Path:

@@ -80,7 +80,7 @@ def test_a_picture_is_done_again_once_its_pose_or_a_setting_is_another(folder, w
     done = []
 
     def counted(flow, given, one):
-        done.append(one.image.name)
+        done.append(one.image[0].name)
         raise ImageError("is enough")
 
     monkeypatch.setattr(batches, "transfer_inputs", counted)

@@ -22,7 +22,7 @@ from grasptransfer.grasping.planning import PlannedGrasps, plan_grasps
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.ranking import mark_unlikely, rank_grasps
 from grasptransfer.grasping.refine import refine_grasps
-from grasptransfer.grasping.scene import Scene, load_scene
+from grasptransfer.grasping.scene import Scene, as_scene, load_scene
 from grasptransfer.grasping.surface import Surface
 from grasptransfer.grasping.warping import WarpedGrasp, on_canonical, warp_grasps
 from grasptransfer.grasping.world import CollisionWorld
@@ -41,6 +41,7 @@ __all__ = [
     "Surface",
     "Symmetry",
     "WarpedGrasp",
+    "as_scene",
     "check_grasps",
     "expand_symmetry",
     "list_grippers",

@@ -133,6 +133,19 @@ def load_scene(path: str | Path) -> Scene:
         raise error.at(path, kind=SceneError) from error
 
 
+def as_scene(scene: object) -> Scene | None:
+    """A scene, or the path of one; None stays None.
+
+    Raises:
+        SceneError: a mistake in the file, or neither.
+    """
+    if isinstance(scene, str | Path):
+        return load_scene(scene)
+    if scene is None or isinstance(scene, Scene):
+        return scene
+    raise SceneError("must be a Scene or the path of a scene YAML", key="scene", value=type(scene).__name__)
+
+
 def _mesh(name: str, model: _ObstacleModel, path: Path) -> "trimesh.Trimesh":
     import trimesh
 

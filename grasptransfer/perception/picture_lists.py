@@ -56,7 +56,9 @@ def observe_all(image, pose, *, views=MOVED_CAMERA, camera=None, pose_sigma=None
 
 
 def _list_of(value: Any, key: str, count: int) -> Sequence[Any]:
-    """A value for each picture."""
+    """A value for each picture; a segmenter or detector serves all."""
+    if callable(value):
+        return [value] * count
     stack = isinstance(value, np.ndarray) and value.ndim == 3
     if not (isinstance(value, list | tuple) or stack):
         raise EACH[key](
