@@ -132,8 +132,7 @@ class GraspTransfer:
             pose_noise: by how much their differences err from each picture to the next, as `pose_sigma`.
 
         Raises:
-            SettingsError: unknown `views`, or an estimator that takes one picture at a time.
-            PoseError: `pose_noise` is no uncertainty.
+            GraspTransferError: unknown `views`, no uncertainty, or an estimator of one picture at a time.
         """
         check_several_pictures(self._named, "track")
         return Track(self.answer, views=views, pose_noise=pose_noise)
@@ -235,8 +234,7 @@ def transfer_grasps(
             may be. The result is in the frame of the first picture's camera, and so is the scene.
         pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
         category: name, folder or loaded `Category`.
-        camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for 60 degrees horizontal field
-            of view.
+        camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for a 60 degree field of view.
         gripper: name, YAML path or loaded `Gripper`.
         grasps: a grasp file for this category in place of its own, or None.
         box: (u0, v0, u1, v1) around the object [px], as a detector gives it, or None.
