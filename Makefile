@@ -46,14 +46,15 @@ test-pythons-light: $(OTHERS:%=light-suite-%)
 light-suite-%: .venv-%/light
 	OMP_NUM_THREADS=1 .venv-$*/bin/python -m pytest $(LIGHT_TESTS) -m "not network and not full"
 
-# The source package, the wheel made of it, and the demo from the wheel alone, outside this checkout.
+# The source package, the wheel made of it, and demo and example from the wheel alone, outside this checkout.
 test-package: .venv/ready system
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist
 	set -e; folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	  $(BIN)/python -m venv "$$folder/venv"; \
 	  "$$folder/venv/bin/pip" $(INSTALL) --constraint constraints.txt dist/*.whl; \
-	  cd "$$folder"; venv/bin/grasptransfer demo --out demo_out
+	  cd "$$folder"; venv/bin/grasptransfer demo --out demo_out; \
+	  venv/bin/grasptransfer examples first; cd first; ../venv/bin/python 01_transfer_and_execute.py --quick
 
 audit: .venv/ready
 	$(BIN)/python .ci/audit.py

@@ -42,6 +42,7 @@ GROUPS: dict[str, Table] = {
 }
 COMMANDS: Table = {
     "demo": "transfer:demo",
+    "examples": "examples:examples",
     "transfer": "transfer:transfer",
     "category": "category",
     "train": "train:train",
