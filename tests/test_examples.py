@@ -41,6 +41,6 @@ def test_copies_never_replace_files_that_somebody_changed(tmp_path):
     assert copy_examples(tmp_path) == written
     (tmp_path / "camera.yaml").write_text("fx: 1")
     (tmp_path / "pose.yaml").unlink()
-    with pytest.raises(SettingsError, match="camera.yaml: is there already, and is another file"):
+    with pytest.raises(SettingsError, match=r"camera\.yaml: is there already, and is another file"):
         copy_examples(tmp_path)
     assert not (tmp_path / "pose.yaml").exists()

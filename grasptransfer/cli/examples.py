@@ -19,11 +19,12 @@ def examples(out: Positional[Annotated[Path, arg(metavar="OUT")]] = Path("graspt
 
     written = copy_examples(out)
     scripts = sorted(path.name for path in written if path.suffix == ".py" and path.parent == out)
-    console.print(f"{len(written)} files in {out}. Try:\n", soft_wrap=True)
-    console.print(f"  cd {out}", soft_wrap=True)
-    console.print(
-        "  grasptransfer transfer picture.png --category mug --pose pose.yaml --camera camera.yaml --out result",
-        soft_wrap=True,
-    )
-    console.print(f"  python {scripts[0]}", soft_wrap=True)
+    transfer = "grasptransfer transfer picture.png --category mug --pose pose.yaml --camera camera.yaml"
+    for line in (
+        f"{len(written)} files in {out}. Try:",
+        f"  cd {out}",
+        f"  {transfer} --out result",
+        f"  python {scripts[0]}",
+    ):
+        console.print(line, soft_wrap=True)
     return 0

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 PARTS = 10  # plain lines of one step
 
@@ -23,14 +23,14 @@ class PlainProgress:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def add_task(self, description: str, total: float | None = None, visible: bool = True) -> int:
+    def add_task(self, description: str, total: float | None = None, visible: bool = True) -> TaskID:
         """A step that is to come; its first line is printed once it is at work."""
         self._tasks.append(_Task(description, total))
-        return len(self._tasks) - 1
+        return TaskID(len(self._tasks) - 1)
 
     def update(
         self,
-        task: int,
+        task: TaskID,
         *,
         description: str | None = None,
         completed: float | None = None,

@@ -67,7 +67,7 @@ def _transfer_folder(settings: TransferSettings, as_json: bool) -> int:
 
 def _as_json(outcome: TransferOutcome) -> dict:
     data = as_data(outcome.result)
-    files = {"folder": str(outcome.folder)}
+    files: dict[str, object] = {"folder": str(outcome.folder)}
     if outcome.trials:
         files["trials"] = [trial.as_data() for trial in outcome.trials]
     return data | files

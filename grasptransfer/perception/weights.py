@@ -259,6 +259,8 @@ def _info(header: dict[str, str] | None, path: Path) -> WeightsInfo:
     try:
         categories = json.loads(header["categories"])
         return WeightsInfo(header["network"], categories, _read_confidence(path, header))
+    except WeightsError:
+        raise
     except (KeyError, TypeError, ValueError) as error:
         raise WeightsError(f"is corrupt: {error!r}", path=path, fix="Get the file again") from error
 

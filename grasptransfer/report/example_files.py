@@ -36,7 +36,9 @@ def copy_examples(out: Path) -> list[Path]:
             sources[out / path.relative_to(scripts)] = path
     for target, source in sources.items():
         if target.exists() and not filecmp.cmp(source, target, shallow=False):
-            raise SettingsError("is there already, and is another file", path=target, fix="Give another folder")
+            raise SettingsError(
+                "is there already, and is another file", path=target, fix="Give another folder"
+            )
     with writing(out):
         for target, source in sources.items():
             target.parent.mkdir(parents=True, exist_ok=True)

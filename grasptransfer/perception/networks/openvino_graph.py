@@ -15,12 +15,12 @@ from openvino import opset13 as ops
 
 from grasptransfer.perception.networks import LATENT_SIZE, Prediction
 from grasptransfer.perception.networks.architecture import (
-    FEATURES_FILE,
     GROUPS,
     STAGES,
     TAPPED,
     WIDTHS,
 )
+from grasptransfer.perception.networks.feature_weights import read_feature_weights
 
 EPSILON = 1e-5  # of PyTorch's group norm
 SETTINGS = {
@@ -65,11 +65,9 @@ class OpenvinoNetwork:
 
 def _ensemble(layers: "_Layers", members: int, number: int) -> Model:
     """From a channels-last picture to motion, mask, the category's latents and match of each member."""
-    from safetensors.numpy import load_file
-
     picture = ops.parameter([1, 192, 256, 8], np.float32)
     first = ops.transpose(picture, [0, 3, 1, 2])
-    features = _picture_features(_Layers(load_file(FEATURES_FILE)), first)
+    features = _picture_features(_Layers(read_feature_weights()), first)
     each = [_member(layers.of(f"members.{i}"), first, features, number) for i in range(members)]
     outputs = [ops.concat(list(parts), 0) for parts in zip(*each, strict=True)]
     return Model(outputs, [picture], "ensemble")  # pyright: ignore[reportGeneralTypeIssues]: its stub is wrong

@@ -11,7 +11,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from grasptransfer.perception.networks.architecture import FEATURES_FILE, STAGES, TAPPED
+from grasptransfer.perception.networks.architecture import STAGES, TAPPED
+from grasptransfer.perception.networks.feature_weights import read_feature_weights
 
 STEM = 32
 CHUNK = 8  # pictures at a time: more do not fit the caches and take twice as long
@@ -90,9 +91,12 @@ class PaddedConvolution(nn.Conv2d):
 
 
 def load_picture_features() -> PictureFeatures:
-    """The features with their shipped weights, in evaluation mode."""
-    from safetensors.torch import load_file
+    """The features with their shipped weights, in evaluation mode.
 
+    Raises:
+        WeightsError: see `read_feature_weights`.
+    """
     features = PictureFeatures()
-    features.load_state_dict({name: tensor.float() for name, tensor in load_file(FEATURES_FILE).items()})
+    weights = read_feature_weights()
+    features.load_state_dict({name: torch.from_numpy(array).float() for name, array in weights.items()})
     return features.eval()
