@@ -13,6 +13,8 @@ from grasptransfer.frames import (
     nearest_rotation,
     rigid,
     rotation_angle,
+    rotation_matrix,
+    rotation_vector,
     transform_points,
 )
 
@@ -22,6 +24,15 @@ seeds = st.integers(0, 10_000)
 def _random_transform(seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     return rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+
+
+@given(st.integers(0, 10**6), st.sampled_from([0.0, 1e-9, 1e-3, 1.0, 2.6, 3.1, np.pi - 1e-6]))
+def test_rotation_vectors_and_matrices_are_those_of_scipy(seed, angle):
+    axis = np.random.default_rng(seed).normal(size=3)
+    vector = angle * axis / np.linalg.norm(axis)
+    matrix = rotation_matrix(vector)
+    np.testing.assert_allclose(matrix, Rotation.from_rotvec(vector).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(rotation_vector(matrix), vector, atol=1e-9)
 
 
 @given(seeds)

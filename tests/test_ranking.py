@@ -99,6 +99,14 @@ BAR = trimesh.creation.box(extents=(0.04, 0.16, 0.04))
 DOWN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # closes across the bar, along x
 
 
+def test_draws_move_as_little_as_the_estimate(mug):
+    # Of equal variances every turn of the eigenvectors is as good: rounding chooses one.
+    rounded = np.full((6, 6), 1e-18) + np.diag(1e-4 * np.linspace(1, 1 + 1e-14, 6))
+    pose = rigid(FROM_ABOVE, np.array([0, 0, 0.8]))
+    before, after = (drawn(mug, estimate_of(mug, each, pose)) for each in (1e-4 * np.eye(6), rounded))
+    np.testing.assert_allclose(after.points, before.points, atol=1e-6)
+
+
 def drawn_surface(mesh):
     """Points and normals of one draw."""
     points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=0)[:2]

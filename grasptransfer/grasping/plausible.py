@@ -111,8 +111,14 @@ class PlausibleObjects:
 
 
 def _pairs(rng: np.random.Generator, draws: int, covariance: Float[np.ndarray, "d d"]) -> np.ndarray:
-    """(draws, d) normal with this covariance, each beside its opposite."""
-    half = rng.multivariate_normal(np.zeros(len(covariance)), covariance, (draws + 1) // 2, method="eigh")
+    """(draws, d) normal with this covariance, each beside its opposite.
+
+    By the symmetric root of the covariance, which moves little when that does; eigenvectors, or a factor made
+    of them, may change sign, and every draw with them.
+    """
+    variances, axes = np.linalg.eigh(covariance)
+    root = (axes * np.sqrt(np.maximum(variances, 0))) @ axes.T
+    half = rng.normal(size=((draws + 1) // 2, len(covariance))) @ root
     return np.concatenate([half, -half])[:draws]
 
 

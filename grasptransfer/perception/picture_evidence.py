@@ -88,12 +88,16 @@ class PictureEvidence:
     camera: Camera
     outline: Outline | None = None
     latent: LatentPrior | None = None
-    _meetings: Meetings | None = None  # of outline and mask, once searched
+    # Of outline and mask, once searched: the vertices that meet, their points and how the latent moves them.
+    _met: tuple[Meetings, Float[np.ndarray, "b 3"], DisplacementModel] | None = None
 
     def search_outline(self, pose: Float[np.ndarray, "4 4"], latent: Float[np.ndarray, "k"]) -> None:
         """Find the vertices that lie on the model's outline now."""
         if self.outline is not None and self.outline.silhouette.usable:
-            self._meetings = self.outline.silhouette.meetings(self.outline.shaped(latent), pose)
+            outline = self.outline
+            meetings = outline.silhouette.meetings(outline.shaped(latent), pose)
+            vertices = meetings.vertices
+            self._met = (meetings, outline.points[vertices], outline.model.take(vertices))
 
     def quadratic(self, pose: Float[np.ndarray, "4 4"], latent: Float[np.ndarray, "k"]) -> Quadratic:
         """Of flow, offsets and outline together."""
@@ -102,8 +106,8 @@ class PictureEvidence:
             _offset_terms(self.motion, self.model, latent),
             _flow_terms(self.motion, shaped, self.model.basis, self.camera, pose),
         ]
-        if self.outline is not None and self._meetings is not None:
-            terms.append(_outline_terms(self.outline, self._meetings, latent, pose))
+        if self._met is not None:
+            terms.append(_outline_terms(*self._met, latent, pose))
         hessians, gradients = zip(*terms, strict=True)
         return np.sum(hessians, axis=0), np.sum(gradients, axis=0)
 
@@ -135,10 +139,10 @@ def _flow_terms(motion: Motion, shaped, basis, camera: Camera, pose):
     return hessian, gradient
 
 
-def _outline_terms(outline: Outline, meetings: Meetings, latent, pose):
+def _outline_terms(meetings: Meetings, points, model: DisplacementModel, latent, pose):
     """Hessian and gradient of the distances between outline and mask's border."""
-    camera, model = outline.silhouette.camera, outline.model.take(meetings.vertices)
-    turned = model.displaced(outline.points[meetings.vertices], latent) @ pose[:3, :3].T
+    camera = meetings.silhouette.camera
+    turned = model.displaced(points, latent) @ pose[:3, :3].T
     seen = turned + pose[:3, 3]
     distance, slope, weight = meetings.residuals(camera.project(seen))
     directions = np.einsum("pd,pdi->pi", slope, _pixel_gradient(seen, camera))

@@ -8,6 +8,7 @@ across the ray mostly is so along it, too.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -54,6 +55,10 @@ class PosePrior:
         floored = np.maximum(variances, SUREST**2)
         return cls(camera_from_object, (axes * floored) @ axes.T)
 
+    @cached_property
+    def _precision(self) -> Float[np.ndarray, "6 6"]:
+        return np.linalg.inv(self.covariance)
+
     @property
     def deviation(self) -> "PoseDeviation":
         """Along the ray, across it, and of the turn."""
@@ -68,7 +73,7 @@ class PosePrior:
             surer: by how much the prior's variances are divided.
         """
         off = drift(self.camera_from_object, pose)
-        precision = surer * np.linalg.inv(self.covariance)
+        precision = surer * self._precision
         hold = precision * (FREEDOM + len(off)) / (FREEDOM + off @ precision @ off)
         return hold, hold @ off
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numba import njit
 from PIL import Image
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import KDTree
 
 from grasptransfer.camera import Camera
@@ -55,10 +55,15 @@ class Silhouette:
         return _signed_distance(np.asarray(picture.resize(size, Image.Resampling.BILINEAR)) > 0.5)
 
     @cached_property
-    def slope(self) -> Float[np.ndarray, "2 h w"]:
+    def slope(self) -> Float[np.ndarray, "h w 2"]:
         """Its derivative along u and v."""
         by_v, by_u = np.gradient(self.distance)
-        return np.stack([by_u, by_v])
+        return np.stack([by_u, by_v], axis=-1)
+
+    @cached_property
+    def distance_and_slope(self) -> Float[np.ndarray, "h w 3"]:
+        """Both, one behind the other for each pixel: they are sampled together."""
+        return np.concatenate([self.distance[..., None], self.slope], axis=-1)
 
     @property
     def usable(self) -> bool:
@@ -92,14 +97,15 @@ class Silhouette:
         """
         v, u = np.nonzero((self.distance > 0) & (self.distance < 1))
         pixels = np.stack([u, v], -1)[:: max(1, len(u) // BORDER_POINTS)].astype(float)
-        normals = self._slope_at(pixels)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
-        return pixels - _sample(self.distance, pixels)[:, None] * normals, normals
+        sampled = _sampled(self.distance_and_slope, pixels)
+        normals = sampled[:, 1:] / np.maximum(np.linalg.norm(sampled[:, 1:], axis=1, keepdims=True), 1e-6)
+        return pixels - sampled[:, :1] * normals, normals
 
     def residuals(self, pixels: Float[np.ndarray, "p 2"]) -> Residuals:
         """Of outline points seen at these pixels: distance to the mask's border."""
-        distance = _sample(self.distance, pixels)
-        return distance, self._slope_at(pixels), _weight(distance) * (np.abs(distance) < FARTHEST)
+        sampled = _sampled(self.distance_and_slope, pixels)
+        distance = sampled[:, 0]
+        return distance, sampled[:, 1:], _weight(distance) * (np.abs(distance) < FARTHEST)
 
     def residuals_of_border(
         self, pixels: Float[np.ndarray, "q 2"], points: Int[np.ndarray, "q"]
@@ -108,9 +114,6 @@ class Silhouette:
         border, normals = (part[points] for part in self.border)
         distance = np.sum((pixels - border) * normals, axis=1)
         return distance, normals, _weight(distance)
-
-    def _slope_at(self, pixels: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 2"]:
-        return np.stack([_sample(self.slope[0], pixels), _sample(self.slope[1], pixels)], -1)
 
 
 @dataclass(frozen=True)
@@ -188,5 +191,15 @@ def _distance_to_border(mask, row, column):
     return np.sqrt(least) - 0.5 if own else 0.5 - np.sqrt(least)
 
 
-def _sample(picture: Float[np.ndarray, "h w"], pixels: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p"]:
-    return map_coordinates(picture, [pixels[:, 1], pixels[:, 0]], order=1, mode="nearest")
+def _sampled(
+    picture: Float[np.ndarray, "h w c"], pixels: Float[np.ndarray, "p 2"]
+) -> Float[np.ndarray, "p c"]:
+    """The picture bilinearly at each place; beyond its border that of the border."""
+    height, width, channels = picture.shape
+    u, v = np.clip(pixels[:, 0], 0, width - 1), np.clip(pixels[:, 1], 0, height - 1)
+    column, row = np.minimum(u.astype(int), width - 2), np.minimum(v.astype(int), height - 2)
+    right, down = (u - column)[:, None], (v - row)[:, None]
+    rows, first = picture.reshape(-1, channels), row * width + column
+    above = rows[first] * (1 - right) + rows[first + 1] * right
+    below = rows[first + width] * (1 - right) + rows[first + width + 1] * right
+    return above * (1 - down) + below * down
