@@ -45,7 +45,7 @@ def _only_behaving():
 def behaving(monkeypatch):
     monkeypatch.setattr(run, "formats", _only_behaving)
     monkeypatch.setattr(watch, "formats", _only_behaving)
-    monkeypatch.setattr(watch, "LONGEST", 1.0)
+    monkeypatch.setattr(watch, "LONGEST", 0.3)
     # A forked child sees these replacements; a spawned one would load the true list of formats.
     context = watch.multiprocessing.get_context("fork")
     monkeypatch.setattr(watch.multiprocessing, "get_context", lambda kind: context)

@@ -11,6 +11,7 @@ import multiprocessing
 import resource
 import sys
 import tempfile
+import time
 import traceback
 import warnings
 from collections.abc import Iterator
@@ -20,12 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from grasptransfer.errors import GraspTransferError
 from grasptransfer.workshop.soak.mutations import mutated
 from grasptransfer.workshop.soak.samples import Format, formats
 
-LONGEST = 10.0  # s that one file may take
+LONGEST = 10.0  # s of computing that one file may take
+PATIENCE = 3.0  # times as long by the clock, as other processes may keep the cores busy
 STARTING = 120.0  # s that a fresh process may take to load the package
 MOST_MEMORY = 2_000_000_000  # bytes beyond what the process has once everything is loaded
 FORBIDDEN = ("/etc/passwd", "/etc/hostname")  # what some mutations point to
@@ -65,8 +68,7 @@ class Watched:
         if self._process is None:
             self._start()
         assert self._pipe is not None
-        self._pipe.send(seed)
-        if not self._pipe.poll(LONGEST):
+        if not self._answers(seed):
             self._end()
             return Try("hang", f"no answer in {LONGEST:g} s")
         try:
@@ -74,6 +76,17 @@ class Watched:
         except EOFError:
             code = self._end()
             return Try("crash", f"the process ended with code {code}")
+
+    def _answers(self, seed: int) -> bool:
+        """Whether the child answers this seed within the time that a file may take."""
+        assert self._pipe is not None
+        child = psutil.Process(self._process.pid)
+        allowed, until = _computed(child) + LONGEST, time.monotonic() + PATIENCE * LONGEST
+        self._pipe.send(seed)
+        while not self._pipe.poll(LONGEST / 10):  # The end of a child counts as an answer.
+            if time.monotonic() > until or _computed(child) > allowed:
+                return False
+        return True
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -97,6 +110,15 @@ class Watched:
             self._pipe.close()
         self._process = self._pipe = None
         return code
+
+
+def _computed(child: psutil.Process) -> float:
+    """Seconds for which a process has had a core; endless once it is gone."""
+    try:
+        times = child.cpu_times()
+    except psutil.NoSuchProcess:
+        return float("inf")
+    return times.user + times.system
 
 
 def damaged_file(kind: Format, seed: int, folder: Path) -> Path:
