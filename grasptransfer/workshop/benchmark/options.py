@@ -16,6 +16,9 @@ Meshes = Annotated[
 ]
 Views = Annotated[int, arg(help="number of viewpoints, spread evenly over the 74.")]
 ViewsOfEach = Annotated[int, arg(help="number of views of each object, spread over the 74 viewpoints.")]
+Together = Annotated[
+    int, arg(help="pictures of one object that are seen together, 45 degrees apart, in each view.")
+]
 Methods = Annotated[
     tuple[str, ...], arg(name="estimators", help=f"which of gt (the truth), {', '.join(ESTIMATORS)}.")
 ]

@@ -1,7 +1,7 @@
 """`bench registration` and `bench pose-noise`: the paper's tables I and II, all methods in one run."""
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -9,31 +9,38 @@ import numpy as np
 
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
-from grasptransfer.frames import rotation_angle
 from grasptransfer.options import check_counts
-from grasptransfer.perception.estimators import check_estimators
+from grasptransfer.perception.estimators import ESTIMATORS, check_estimators
+from grasptransfer.perception.observation import Observation
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.estimators import DEFAULT, METHODS, OF_SHAPES, EstimatorSet
+from grasptransfer.workshop.benchmark.given_poses import EXACT, GivenPoses
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.judge import Judge
 from grasptransfer.workshop.benchmark.options import (
     Categories,
     Meshes,
     Methods,
-    Rotation,
-    Translation,
+    Said,
+    Together,
+    Told,
     Views,
     Weights,
     name_trained,
 )
-from grasptransfer.workshop.benchmark.registration_summary import MethodScores, summarise
+from grasptransfer.workshop.benchmark.placed_boxes import (
+    PlacedScore,
+    PlacedTruth,
+    bounds_of,
+    summarise_placed,
+)
+from grasptransfer.workshop.benchmark.registration_summary import ONE_VIEW, MethodScores, summarise
 from grasptransfer.workshop.benchmark.seen_instances import (
     instance_names,
     load_instance,
     see_instance,
     spread_views,
 )
-from grasptransfer.workshop.training.scenes import PoseNoise
 
 
 @dataclass(frozen=True)
@@ -42,40 +49,37 @@ class RegistrationSettings:
 
     Args:
         seed: seed of lights, backgrounds and pose errors.
-        refine_pose: let rgb, rgbd and cls refine the pose.
     """
 
     categories: Categories = ()
     meshes: Meshes = None
     views: Views = 74
+    views_together: Together = 1
     seed: int = 0
-    translation_noise: Translation = 0.0
-    rotation_noise: Rotation = 0.0
-    refine_pose: bool = False
+    told: Told = "estimator"
+    pose_sigma: Said = ()
     methods: Methods = DEFAULT
     weights: Weights = None
 
     def __post_init__(self):
         name_trained(self)
-        check_counts(self)
+        check_counts(self, "views_together")
+        _ = self.given
 
     @property
-    def noise(self) -> PoseNoise:
-        """Error of the given pose."""
-        return PoseNoise(self.translation_noise, self.rotation_noise)
+    def given(self) -> GivenPoses:
+        """The given poses and their uncertainty."""
+        return GivenPoses.of(self.told, self.pose_sigma)
 
 
 @dataclass(frozen=True)
 class PoseNoiseSettings(RegistrationSettings):
-    """The same, with the paper's pose errors by default.
+    """The same without the bound, beside rgb on exact poses; `--told wide` are the paper's errors.
 
     Args:
         seed: seed of lights, backgrounds and pose errors.
-        refine_pose: let rgb, rgbd and cls refine the pose.
     """
 
-    translation_noise: Translation = 0.05
-    refine_pose: bool = True
     methods: Methods = METHODS
 
 
@@ -110,15 +114,6 @@ def run_pose_noise_benchmark(
     """
     rows = _measure(measure_pose_noise, settings, workers, ledger, progress)
     summary = summarise(rows)
-    for key in (
-        "pose_error_before_mm",
-        "pose_error_after_mm",
-        "pose_error_before_deg",
-        "pose_error_after_deg",
-    ):
-        values = [row[key] for row in rows if key in row]
-        if values:
-            summary[key] = float(np.mean(values))
     growth = [row["noise_growth"] for row in rows if "noise_growth" in row]
     if growth:
         summary |= {"noise_growth_mean": float(np.mean(growth)), "noise_growth_worst": float(np.max(growth))}
@@ -136,7 +131,7 @@ def measure_pose_noise(settings: RegistrationSettings, category: str, name: str)
     """One instance with pose errors, and `rgb` without."""
     row = measure_registration(settings, category, name)
     if "rgb" in settings.methods:
-        calm = replace(settings, translation_noise=0.0, rotation_noise=0.0, methods=("rgb",))
+        calm = replace(settings, told=EXACT, pose_sigma=(), methods=("rgb",))
         row["rgb_without_noise"] = measure_registration(calm, category, name)["rgb"]
         row["noise_growth"] = row["rgb"]["mean"] / row["rgb_without_noise"]["mean"]
     return row
@@ -145,44 +140,66 @@ def measure_pose_noise(settings: RegistrationSettings, category: str, name: str)
 def measure_registration(settings: RegistrationSettings, category: str, name: str) -> dict:
     """One instance: every method on every view."""
     instance = load_instance(category, name, settings.meshes)
-    judge = Judge.of(instance)
+    judge, truth = Judge.of(instance), PlacedTruth.of(instance.solid)
     scores: dict[str, MethodScores] = defaultdict(MethodScores)
-    before, after = [], []
+    placed: dict[str, list[PlacedScore]] = defaultdict(list)
     with Renderer() as renderer:
-        kit = EstimatorSet(settings.refine_pose, weights=settings.weights)
+        kit = EstimatorSet(refine_pose=True, weights=settings.weights)
         estimators = kit.of(instance, settings.methods)
         for viewpoint in spread_views(settings.views):
             sight = see_instance(
-                instance, viewpoint, renderer=renderer, noise=settings.noise, seed=settings.seed
+                instance,
+                viewpoint,
+                renderer=renderer,
+                noise=settings.given,
+                seed=settings.seed,
+                pictures=settings.views_together,
             )
-            seen, pose = sight.observation, sight.pose
-            for method, estimator in estimators.items():
-                estimate = judge.ask(estimator, seen, true_pose=pose, method=method, scores=scores[method])
+            for label, method, seen in _asked(settings, sight.observation):
+                estimator = estimators[method]
+                estimate = judge.ask(
+                    estimator, seen, true_pose=sight.pose, method=method, scores=scores[label]
+                )
                 if method == "rgb":
-                    scores[method].mask_ious.append(_iou(estimate.mask, seen.mask))
-                    before.append(_pose_error(seen.camera_from_object, pose))
-                    after.append(_pose_error(estimate.camera_from_object, pose))
+                    scores[label].mask_ious.append(_iou(estimate.mask, seen.mask))
+                    found = bounds_of(judge.canonical.warped(estimate.field))
+                    placed[label].append(truth.score(estimate.camera_from_object, found, sight.pose))
+                if label == "rgb":
+                    canonical = np.asarray(instance.category.canonical.bounds)
+                    placed["before"].append(truth.score(seen.camera_from_object, canonical, sight.pose))
     row = {"category": instance.category.name, "instance": name, "views": settings.views}
     row |= {method: values.as_data() for method, values in scores.items()}
-    if "rgb" in scores:
-        row["rgb_mask_iou"] = float(np.mean(scores["rgb"].mask_ious))
-        row |= _pose_summary("before", before) | _pose_summary("after", after)
-        row |= {
-            f"rgb_over_{other}": row["rgb"]["mean"] / row[other]["mean"]
-            for other in ("gt", "cpd", "cls")
-            if other in row
-        }
-    return row
+    return row | _of_rgb(row, scores, placed)
 
 
-def _pose_error(estimated: np.ndarray, true: np.ndarray) -> tuple[float, float]:
-    turn = rotation_angle(estimated[:3, :3] @ true[:3, :3].T)
-    return float(np.linalg.norm(estimated[:3, 3] - true[:3, 3])) * 1e3, float(np.rad2deg(turn))
+def _asked(settings: RegistrationSettings, together: Observation) -> Iterator[tuple[str, str, Observation]]:
+    """Each method with what it sees, by the name of its scores: one picture where it takes no more."""
+    alone = replace(together, further=())
+    for method in settings.methods:
+        several = method in ESTIMATORS and ESTIMATORS[method].several_pictures
+        yield method, method, together if several else alone
+        if method == "rgb" and settings.views_together > 1:
+            yield ONE_VIEW, method, alone
 
 
-def _pose_summary(when: str, errors: list[tuple[float, float]]) -> dict[str, float]:
-    shift, turn = np.mean(errors, axis=0)
-    return {f"pose_error_{when}_mm": float(shift), f"pose_error_{when}_deg": float(turn)}
+def _of_rgb(row: dict, scores: dict[str, MethodScores], placed: dict[str, list[PlacedScore]]) -> dict:
+    """Masks and poses of rgb, before and after, and its errors against those of other methods."""
+    if "rgb" not in scores:
+        return {}
+    found = {"rgb_mask_iou": float(np.mean(scores["rgb"].mask_ious))}
+    found |= summarise_placed(placed["before"], "_before") | summarise_placed(placed["rgb"])
+    found |= _pose_means("before", placed["before"]) | _pose_means("after", placed["rgb"])
+    if ONE_VIEW in placed:
+        found |= _pose_means("after_one_view", placed[ONE_VIEW])
+    others = [other for other in ("gt", "cpd", "cls") if other in row]
+    return found | {f"rgb_over_{other}": row["rgb"]["mean"] / row[other]["mean"] for other in others}
+
+
+def _pose_means(when: str, scores: list[PlacedScore]) -> dict[str, float]:
+    return {
+        f"pose_error_{when}_mm": float(np.mean([score.millimetres for score in scores])),
+        f"pose_error_{when}_deg": float(np.mean([score.degrees for score in scores])),
+    }
 
 
 def _iou(predicted: np.ndarray | None, true: np.ndarray | None) -> float:
