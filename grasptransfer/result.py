@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -211,8 +212,16 @@ class TransferResult:
 
     @property
     def mask(self) -> Bool[np.ndarray, "h w"] | None:
-        """(h, w) pixels of the object, the given mask or else the predicted one."""
+        """(h, w) where the object is seen in the first picture: the given mask, or the predicted one."""
         return self.estimate.mask
+
+    @cached_property
+    def silhouette(self) -> Bool[np.ndarray, "h w"]:
+        """(h, w) pixels of the reconstruction at the refined pose in the first picture, hidden parts too."""
+        from grasptransfer.drawing.visible import visible_faces
+
+        vertices, faces = np.asarray(self.mesh.vertices), np.asarray(self.mesh.faces)
+        return visible_faces(vertices, faces, self.observation.camera, self.camera_from_object).mask
 
     @property
     def category_score(self) -> float | None:
@@ -235,7 +244,7 @@ class TransferResult:
         return write_isaac_grasp(self, Path(path))
 
     def save(self, folder: str | Path) -> Path:
-        """Write grasps.yaml, reconstruction.glb, field.npz and result.yaml into `folder`.
+        """Write grasps.yaml, reconstruction.glb, field.npz, result.yaml and silhouette.png into `folder`.
 
         Raises:
             SettingsError: the folder cannot be written.

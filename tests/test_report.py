@@ -79,7 +79,9 @@ def test_a_saved_result_can_be_read_back(result, tmp_path):
         "grasps.yaml",
         "reconstruction.glb",
         "result.yaml",
+        "silhouette.png",
     ]
+    np.testing.assert_array_equal(np.asarray(Image.open(folder / "silhouette.png")), result.silhouette)
     back = read_grasps(folder / "grasps.yaml", gripper=result.gripper)
     assert back.object_frame == "object"
     assert [grasp.name for grasp in back.grasps] == [grasp.name for grasp in result.usable]

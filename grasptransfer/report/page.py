@@ -20,6 +20,7 @@ from grasptransfer.report.pictures import FOUND, GIVEN, MASK, DeformationMaps, P
 from grasptransfer.report.scene_view import drawn_grippers, scene_page, shown_grasps
 
 if TYPE_CHECKING:
+    from grasptransfer.perception.pose_prior import PoseDeviation
     from grasptransfer.result import TransferredGrasp, TransferResult
     from grasptransfer.simulation import TrialResult
 
@@ -111,7 +112,10 @@ def _summary(result: "TransferResult", trials: Sequence) -> list[Fact]:
         Fact("fits the category", "not judged" if score is None else f"{score:.0%}"),
         Fact("gripper", result.gripper.name),
         Fact("pose refined by", _pose_change(result)),
+        *_pose_sigmas(result),
     ]
+    if result.observation.further:
+        facts.append(Fact("pictures", str(len(result.observation.pictures))))
     if "total" in result.timings:
         facts.append(Fact("time", _duration(result.timings["total"])))
     if trials:
@@ -124,6 +128,21 @@ def _pose_change(result: "TransferResult") -> str:
     given_from_refined = invert(result.observation.camera_from_object) @ result.camera_from_object
     degrees = np.degrees(rotation_angle(given_from_refined[:3, :3]))
     return f"{np.linalg.norm(given_from_refined[:3, 3]) * 1e3:.1f} mm, {degrees:.1f}°"
+
+
+def _pose_sigmas(result: "TransferResult") -> list[Fact]:
+    """How sure the pose is before and after the picture: along the ray, across it, and its turn."""
+    after = result.pose_sigma_posterior
+    if after is None or not after.turn:
+        return []
+    before = result.pose_sigma_prior
+    given = [] if before is None else [Fact("given pose sure to", _sigma_text(before))]
+    return [*given, Fact("pose sure to", _sigma_text(after))]
+
+
+def _sigma_text(sigma: "PoseDeviation") -> str:
+    along, across = 1e3 * sigma.along_ray, 1e3 * sigma.across_ray
+    return f"{along:.1f} mm along the ray, {across:.1f} mm across, {sigma.turn:.1f}°"
 
 
 def _seen(pictures: Pictures) -> list[Figure]:

@@ -1,16 +1,20 @@
-"""A transfer on disk: grasps.yaml, reconstruction.glb, field.npz and result.yaml, each whole or not there.
+"""A transfer on disk: grasps.yaml, reconstruction.glb, field.npz, result.yaml and silhouette.png, each whole.
 
 result.yaml holds every grasp with status and reason; grasps.yaml only those that may be executed.
+silhouette.png is white where the reconstruction is in the first picture, hidden parts too.
 Poses are in metres: `object` is the reconstruction's frame, `gripper` the TCP (+z approach, +x closing).
 """
 
 import hashlib
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
 import yaml
+from jaxtyping import Bool
+from PIL import Image
 
 import grasptransfer
 from grasptransfer.errors import SettingsError
@@ -19,14 +23,16 @@ from grasptransfer.grasping import PlacedGrasp
 from grasptransfer.grasping.formats import GraspSet, isaac_grasp
 
 if TYPE_CHECKING:
+    from grasptransfer.perception.observation import Observation
     from grasptransfer.perception.pose_prior import PoseDeviation
     from grasptransfer.result import TransferredGrasp, TransferResult
 
 GRASPS, RECONSTRUCTION, FIELD, RESULT = "grasps.yaml", "reconstruction.glb", "field.npz", "result.yaml"
+SILHOUETTE = "silhouette.png"
 
 
 def save_result(result: "TransferResult", folder: Path) -> Path:
-    """Write grasps.yaml, reconstruction.glb, field.npz and result.yaml into `folder`.
+    """Write grasps.yaml, reconstruction.glb, field.npz, result.yaml and silhouette.png into `folder`.
 
     Raises:
         SettingsError: the folder cannot be written.
@@ -38,7 +44,15 @@ def save_result(result: "TransferResult", folder: Path) -> Path:
         result.field.save(folder / FIELD)
         text = yaml.dump(as_data(result), Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=110)
         write_whole(folder / RESULT, text.encode())
+        write_whole(folder / SILHOUETTE, _png(result.silhouette))
     return folder
+
+
+def _png(inside: Bool[np.ndarray, "h w"]) -> bytes:
+    """White where it is true."""
+    content = io.BytesIO()
+    Image.fromarray(inside).save(content, "PNG")
+    return content.getvalue()
 
 
 def write_isaac_grasp(result: "TransferResult", path: Path) -> Path:
@@ -85,13 +99,9 @@ def as_data(result: "TransferResult") -> dict:
         "advice": result.status.advice,
         "category_score": None if result.category_score is None else round(result.category_score, 4),
         "length_unit": "m",
-        "image": {
-            "width": observation.camera.width,
-            "height": observation.camera.height,
-            "sha256": hashlib.sha256(observation.image.tobytes()).hexdigest(),
-        },
-        "camera": {name: float(getattr(observation.camera, name)) for name in ("fx", "fy", "cx", "cy")},
-        "given_camera_from_object": _rows(observation.camera_from_object),
+        **_picture_data(observation),
+        "views": observation.views,
+        "further_pictures": [_picture_data(picture) for picture in observation.further],
         "camera_from_object": _rows(result.camera_from_object),
         "pose_sigma_prior": _deviation(result.pose_sigma_prior),
         "pose_sigma_posterior": _deviation(result.pose_sigma_posterior),
@@ -103,6 +113,20 @@ def as_data(result: "TransferResult") -> dict:
         "seconds": {name: round(float(seconds), 4) for name, seconds in result.timings.items()},
         "usable": len(result.usable),
         "grasps": {grasp.name: _grasp_data(grasp) for grasp in result.grasps},
+    }
+
+
+def _picture_data(picture: "Observation") -> dict:
+    """A picture, its camera and its given pose."""
+    camera = picture.camera
+    return {
+        "image": {
+            "width": camera.width,
+            "height": camera.height,
+            "sha256": hashlib.sha256(picture.image.tobytes()).hexdigest(),
+        },
+        "camera": {name: float(getattr(camera, name)) for name in ("fx", "fy", "cx", "cy")},
+        "given_camera_from_object": _rows(picture.camera_from_object),
     }
 
 
