@@ -124,8 +124,8 @@ def rigid(
 
 def invert(a_from_b: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*batch 4 4"]:
     """`b_from_a`, exactly rigid."""
-    b_from_a = np.zeros_like(a_from_b)
-    rotation = np.swapaxes(a_from_b[..., :3, :3], -1, -2)
+    b_from_a = np.zeros(a_from_b.shape)
+    rotation = a_from_b[..., :3, :3].swapaxes(-1, -2)
     b_from_a[..., :3, :3] = rotation
     b_from_a[..., :3, 3] = -(rotation @ a_from_b[..., :3, 3:])[..., 0]
     b_from_a[..., 3, 3] = 1.0

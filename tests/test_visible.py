@@ -8,7 +8,7 @@ import grasptransfer as gt
 from grasptransfer.camera import Camera
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.drawing.views import look_at
-from grasptransfer.drawing.visible import visible_faces
+from grasptransfer.drawing.visible import visible_faces, visible_mask
 from grasptransfer.frames import transform_points
 
 CAMERA = Camera(420.0, 400.0, 130.3, 92.1, 256, 192)
@@ -22,6 +22,7 @@ def test_mask_and_depth_are_those_that_opengl_draws(category):
     with Renderer() as renderer:
         depth = renderer.depth(mesh, CAMERA, POSE)
     assert seen.mask.sum() > 3000
+    assert np.array_equal(visible_mask(mesh.vertices, mesh.faces, CAMERA, POSE), seen.mask)
     assert (seen.mask != (depth > 0)).sum() <= 2  # single precision there, double here
     both = seen.mask & (depth > 0)
     # A face seen from its edge changes its depth most within what rounding moves a pixel.
@@ -47,6 +48,7 @@ def test_both_sides_of_a_face_are_seen_and_none_behind_the_camera():
     assert np.array_equal(there.mask, visible_faces(corners, faces[:, ::-1], CAMERA, pose).mask)
     pose[2, 3] = -0.5
     assert not visible_faces(corners, faces, CAMERA, pose).mask.any()
+    assert not visible_mask(corners, faces, CAMERA, pose).any()
 
 
 def test_a_mesh_that_covers_the_whole_picture_is_cut_off_at_its_border():

@@ -48,15 +48,36 @@ def visible_faces(
     In a pinhole picture the inverse of depth is linear over a face, and so is each corner's share of it
     (any book on computer graphics: perspective-correct interpolation).
     """
-    seen = transform_points(camera_from_object, vertices)
-    inverse = 1 / np.maximum(seen[:, 2], NEAREST)
-    u = camera.fx * seen[:, 0] * inverse + camera.cx
-    v = camera.fy * seen[:, 1] * inverse + camera.cy
+    u, v, inverse = _projected(vertices, camera, camera_from_object)
     size = (camera.height, camera.width)
     face, nearest, share = np.full(size, -1), np.zeros(size), np.zeros((*size, 3))
     _draw(u, v, inverse, np.ascontiguousarray(faces, np.int64), face, nearest, share)
     depth = np.divide(1, nearest, out=np.zeros(size), where=face >= 0)
     return VisibleFaces(face, share, depth)
+
+
+def visible_mask(
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    camera: Camera,
+    camera_from_object: Float[np.ndarray, "4 4"],
+) -> Bool[np.ndarray, "h w"]:
+    """(h, w) where `visible_faces` sees the mesh, in less than half of the time."""
+    u, v, inverse = _projected(vertices, camera, camera_from_object)
+    covered = np.zeros((camera.height, camera.width), np.bool_)
+    _cover(u, v, inverse, np.ascontiguousarray(faces, np.int64), covered)
+    return covered
+
+
+def _projected(
+    vertices, camera: Camera, camera_from_object
+) -> tuple[Float[np.ndarray, "v"], Float[np.ndarray, "v"], Float[np.ndarray, "v"]]:
+    """Pixels (u, v) of the vertices and their inverse depths [1/m]."""
+    seen = transform_points(camera_from_object, vertices)
+    inverse = 1 / np.maximum(seen[:, 2], NEAREST)
+    u = camera.fx * seen[:, 0] * inverse + camera.cx
+    v = camera.fy * seen[:, 1] * inverse + camera.cy
+    return u, v, inverse
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -73,12 +94,15 @@ def _draw(u, v, inverse, faces, face, nearest, share):
         right = min(width - 1, int(np.floor(max(u[a], u[b], u[c]))))
         top = max(0, int(np.ceil(min(v[a], v[b], v[c]))))
         bottom = min(height - 1, int(np.floor(max(v[a], v[b], v[c]))))
+        part = 1 / area
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
-                at_a = ((u[b] - column) * (v[c] - row) - (v[b] - row) * (u[c] - column)) / area
-                at_b = ((u[c] - column) * (v[a] - row) - (v[c] - row) * (u[a] - column)) / area
+                at_a = ((u[b] - column) * (v[c] - row) - (v[b] - row) * (u[c] - column)) * part
+                if at_a < 0:
+                    continue
+                at_b = ((u[c] - column) * (v[a] - row) - (v[c] - row) * (u[a] - column)) * part
                 at_c = 1 - at_a - at_b
-                if at_a < 0 or at_b < 0 or at_c < 0:
+                if at_b < 0 or at_c < 0:
                     continue
                 at_a, at_b, at_c = at_a * inverse[a], at_b * inverse[b], at_c * inverse[c]
                 near = at_a + at_b + at_c
@@ -87,3 +111,27 @@ def _draw(u, v, inverse, faces, face, nearest, share):
                     share[row, column, 0] = at_a / near
                     share[row, column, 1] = at_b / near
                     share[row, column, 2] = at_c / near
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+@no_type_check
+def _cover(u, v, inverse, faces, covered):
+    """Mark the pixels that any face shows: those of `_draw`, whichever face is nearest."""
+    height, width = covered.shape
+    for number in range(len(faces)):
+        a, b, c = faces[number]
+        area = (u[b] - u[a]) * (v[c] - v[a]) - (v[b] - v[a]) * (u[c] - u[a])
+        if area == 0 or max(inverse[a], inverse[b], inverse[c]) >= 1 / NEAREST:
+            continue
+        left = max(0, int(np.ceil(min(u[a], u[b], u[c]))))
+        right = min(width - 1, int(np.floor(max(u[a], u[b], u[c]))))
+        top = max(0, int(np.ceil(min(v[a], v[b], v[c]))))
+        bottom = min(height - 1, int(np.floor(max(v[a], v[b], v[c]))))
+        part = 1 / area
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                if covered[row, column]:
+                    continue
+                at_a = ((u[b] - column) * (v[c] - row) - (v[b] - row) * (u[c] - column)) * part
+                at_b = ((u[c] - column) * (v[a] - row) - (v[c] - row) * (u[a] - column)) * part
+                covered[row, column] = at_a >= 0 and at_b >= 0 and 1 - at_a - at_b >= 0

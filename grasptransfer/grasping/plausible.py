@@ -144,9 +144,9 @@ def _basis(points, faces, mesh: "trimesh.Trimesh", category: "Category") -> Floa
     """How the latent moves points of the reconstruction [m]."""
     import trimesh
 
-    weights = trimesh.triangles.points_to_barycentric(np.asarray(mesh.triangles[faces]), points)
-    of_corners = category.vertices_by_latent.basis[np.asarray(mesh.faces)[faces]]
-    return np.einsum("mc,mcik->mik", weights, of_corners)
+    corners, basis = np.asarray(mesh.faces)[faces], category.vertices_by_latent.basis
+    weights = trimesh.triangles.points_to_barycentric(np.asarray(mesh.vertices)[corners], points)
+    return np.sum([weights[:, c, None, None] * basis[corners[:, c]] for c in range(3)], axis=0)
 
 
 def enclosed(
@@ -175,21 +175,29 @@ def _body(
     Parts of a reconstruction overlap as those of the canonical model do, whose union is made only once:
     counted twice, a camera would weigh a fifth too much.
     """
-    closed = _closed(mesh)
     if category is None:
-        return _united(closed)
+        return _united(_closed(mesh))
     if category.canonical_sha256 not in _OVERLAPS:
         canonical = _closed(category.canonical)
         volume, centre = _united(canonical)
-        overlap = volume / abs(canonical.volume), centre - np.asarray(canonical.center_mass)
-        _OVERLAPS[category.canonical_sha256] = overlap
-    share, shift = _OVERLAPS[category.canonical_sha256]
-    return share * abs(closed.volume), np.asarray(closed.center_mass) + shift
+        of_parts, centre_of_parts = _moments(canonical)
+        as_it_is = len(canonical.faces) == len(category.canonical.faces)
+        _OVERLAPS[category.canonical_sha256] = volume / of_parts, centre - centre_of_parts, as_it_is
+    share, shift, as_it_is = _OVERLAPS[category.canonical_sha256]
+    volume, centre = _moments(mesh if as_it_is else _closed(mesh))
+    return share * volume, centre + shift
 
 
-# Of a canonical model, by its checksum: the union's share of its parts' volumes, and how far its centre is
-# from theirs [m].
-_OVERLAPS: dict[str, tuple[float, Float[np.ndarray, "3"]]] = {}
+# Of a canonical model, by its checksum: the union's share of its parts' volumes, how far its centre is from
+# theirs [m], and whether its faces are closed as they are.
+_OVERLAPS: dict[str, tuple[float, Float[np.ndarray, "3"], bool]] = {}
+
+
+def _moments(mesh: "trimesh.Trimesh") -> tuple[float, Float[np.ndarray, "3"]]:
+    """Volume [m3] and centre of mass [m] of what closed parts enclose, by the divergence theorem."""
+    a, b, c = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].transpose(1, 0, 2)
+    sixfold = np.einsum("fi,fi->f", a, np.cross(b, c))
+    return abs(float(sixfold.sum())) / 6, (a + b + c).T @ sixfold / (4 * sixfold.sum())
 
 
 def _united(closed: "trimesh.Trimesh") -> tuple[float, Float[np.ndarray, "3"]]:

@@ -12,7 +12,7 @@ from scipy.special import expit
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
 from grasptransfer.drawing.boxes import projected_box
-from grasptransfer.drawing.visible import visible_faces
+from grasptransfer.drawing.visible import visible_mask
 from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.jobs import single_blas_thread
@@ -208,7 +208,7 @@ class RgbEstimator:
         faces = np.asarray(self.category.canonical.faces)
 
         def draw(vertices, pose):
-            return visible_faces(vertices, faces, look.camera, pose).mask
+            return visible_mask(vertices, faces, look.camera, pose)
 
         silhouette = Silhouette(look.object_probability, look.camera, draw)
         return Outline(silhouette, self._vertices, self.category.vertices_by_latent)
@@ -220,8 +220,8 @@ class RgbEstimator:
     def _overlap(self, latent: Float[np.ndarray, "k"], pose: Float[np.ndarray, "4 4"], look: Look) -> float:
         """How well the reconstruction's silhouette covers the predicted mask: intersection over union."""
         faces, vertices = np.asarray(self.category.canonical.faces), self._model.vertices(latent)
-        shown = visible_faces(vertices, faces, look.camera, pose)
-        silhouette = shown.mask[2::MASK_STRIDE, 2::MASK_STRIDE]
+        shown = visible_mask(vertices, faces, look.camera, pose)
+        silhouette = shown[2::MASK_STRIDE, 2::MASK_STRIDE]
         seen = look.object_probability > 0.5
         return float((silhouette & seen).sum() / max((silhouette | seen).sum(), 1))
 

@@ -163,12 +163,23 @@ def _on_outline(mask, pixels):
     As if sampled bilinearly from the signed distance, which is made only around each of them.
     """
     height, width = mask.shape
+    # Most vertices lie far from every border: their pixels are told apart by squares around it.
+    around = np.zeros(mask.shape, np.bool_)
+    for row in range(height - 1):
+        for column in range(width - 1):
+            own = mask[row, column]
+            if mask[row, column + 1] != own or mask[row + 1, column] != own:
+                for v in range(max(0, row - AROUND), min(height, row + AROUND + 1)):
+                    for u in range(max(0, column - AROUND), min(width, column + AROUND + 1)):
+                        around[v, u] = True
     found = np.zeros(len(pixels), np.bool_)
     for i in range(len(pixels)):
         u, v = pixels[i]
         if not (u > 0 and v > 0 and u < width - 1 and v < height - 1):
             continue
         column, row, distance = int(u), int(v), 0.0
+        if not around[row, column]:
+            continue
         for below in range(2):
             for right in range(2):
                 across = u - column if right else column + 1 - u

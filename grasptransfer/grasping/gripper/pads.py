@@ -6,6 +6,7 @@ stands are one case: two flat faces whose places in the TCP frame are known at e
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,10 +85,16 @@ class PadTable:
 
     def faces(self, openings: Float[np.ndarray, "g"]) -> PadFaces:
         """How the pads stand at each opening [m]."""
-        across = self._at(openings, self.across)
-        normals = self._at(openings, self.normals)
-        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-        return PadFaces(across, -normals[..., 1:] / normals[..., :1], normals)
+        if self._still is not None:
+            rows = np.zeros(len(openings), int)
+            return PadFaces(self._still.across[rows], self._still.slopes[rows], self._still.normals[rows])
+        return _faces(self._at(openings, self.across), self._at(openings, self.normals))
+
+    @cached_property
+    def _still(self) -> PadFaces | None:
+        """How the pads always stand; None if that depends on the opening."""
+        moves = max(np.ptp(self.across, axis=0).max(), np.ptp(self.normals, axis=0).max())
+        return None if moves > 10.0**-DECIMALS else _faces(self.across[:1], self.normals[:1])
 
     @property
     def mirror(self) -> bool:
@@ -103,6 +110,11 @@ class PadTable:
         columns = values.reshape(len(values), -1).T
         at = np.stack([np.interp(openings, self.openings, column) for column in columns], axis=-1)
         return at.reshape(len(openings), *values.shape[1:])
+
+
+def _faces(across: Float[np.ndarray, "g 2 2"], normals: Float[np.ndarray, "g 2 3"]) -> PadFaces:
+    normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
+    return PadFaces(across, -normals[..., 1:] / normals[..., :1], normals)
 
 
 def pad_table(
