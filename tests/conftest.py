@@ -1,7 +1,8 @@
-"""Settings of all tests."""
+"""Settings of all tests, and what several of them use."""
 
 import sys
 
+import pytest
 from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 
@@ -16,3 +17,11 @@ any_speed = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow]
 settings.register_profile("search", any_speed)
 settings.register_profile("same", any_speed, derandomize=True)
 settings.load_profile("same")
+
+
+@pytest.fixture(scope="session")
+def training_set(tmp_path_factory):
+    """The folder of four training samples."""
+    from small_training_set import build_small
+
+    return build_small(tmp_path_factory.mktemp("training_set"))

@@ -61,7 +61,11 @@ def test_fitting_keeps_the_network_and_writes_the_confidence_beside_it(tmp_path)
     torch.manual_seed(0)
     path = tmp_path / "mug.safetensors"
     mug = load_category("mug")
-    save_weights(path, Ensemble([build_network("compact")]), WeightsInfo("compact", {"mug": trained_on(mug)}))
+    save_weights(
+        path,
+        Ensemble([build_network("compact", width=0.1)]),
+        WeightsInfo("compact", {"mug": trained_on(mug)}, width=0.1),
+    )
     before, info = load_weights(path)
     assert info.confidence == Confidence()
     done = []

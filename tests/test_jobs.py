@@ -99,7 +99,11 @@ class Command:
     def start(self) -> subprocess.Popen:
         path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
         call = f"recorded(pathlib.Path({str(self.folder)!r}), {self.pieces}, 2)"
-        code = f"import pathlib; from piecework import recorded; {call}"
+        # A shell's background job ignores Ctrl-C, and so would all that it starts.
+        code = (
+            "import pathlib, signal; from piecework import recorded;"
+            f"signal.signal(signal.SIGINT, signal.default_int_handler); {call}"
+        )
         return subprocess.Popen(
             [sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.PIPE
         )

@@ -114,7 +114,7 @@ def test_weights_of_another_canonical_model_or_shape_space_are_refused(tmp_path)
         ("canonical.glb", "another canonical"),
         ("shape_space.npz", "another shape space"),
     ):
-        info = WeightsInfo("compact", {"mug": trained_on(mug) | {changed: "another"}})
-        save_weights(path, Ensemble([build_network("compact")]), info)
+        info = WeightsInfo("compact", {"mug": trained_on(mug) | {changed: "another"}}, width=0.1)
+        save_weights(path, Ensemble([build_network("compact", width=0.1)]), info)
         with pytest.raises(WeightsError, match=problem):
             RgbEstimator(mug, weights=path, device="cpu")

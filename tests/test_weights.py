@@ -7,6 +7,7 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
+from small_training_set import WIDTH
 
 from grasptransfer.category import list_categories, load_category
 from grasptransfer.errors import WeightsError
@@ -40,27 +41,27 @@ def models(tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def ensemble():
     torch.manual_seed(0)
-    return Ensemble([build_network("compact", 2)])
+    return Ensemble([build_network("compact", 2, WIDTH)])
 
 
 def test_the_weights_that_fit_a_category_serve_it_wherever_they_stand_in_the_alphabet(models, ensemble):
     joint = {"bottle": trained_on(BOTTLE), "mug": trained_on(MUG)}
-    save_weights(models / "bottle-mug.safetensors", ensemble, WeightsInfo("compact", joint))
-    save_weights(models / "mug.safetensors", ensemble, WeightsInfo("compact", {"mug": STALE}))
+    save_weights(models / "bottle-mug.safetensors", ensemble, WeightsInfo("compact", joint, width=WIDTH))
+    save_weights(models / "mug.safetensors", ensemble, WeightsInfo("compact", {"mug": STALE}, width=WIDTH))
     assert find_weights(MUG) == models / "bottle-mug.safetensors"
     assert trained_categories() == ("bottle", "mug")
 
 
 def test_several_weights_for_one_category_are_refused(models, ensemble):
     for name in ("a", "b"):
-        info = WeightsInfo("compact", {"mug": trained_on(MUG)})
+        info = WeightsInfo("compact", {"mug": trained_on(MUG)}, width=WIDTH)
         save_weights(models / f"{name}.safetensors", ensemble, info)
     with pytest.raises(WeightsError, match=r"a\.safetensors, b\.safetensors"):
         find_weights(MUG)
 
 
 def test_weights_of_an_older_build_alone_are_named(models, ensemble):
-    save_weights(models / "mug.safetensors", ensemble, WeightsInfo("compact", {"mug": STALE}))
+    save_weights(models / "mug.safetensors", ensemble, WeightsInfo("compact", {"mug": STALE}, width=WIDTH))
     with pytest.raises(WeightsError, match=r"mug\.safetensors.*another canonical"):
         find_weights(MUG)
 
@@ -73,16 +74,16 @@ def test_a_folder_without_weights_is_to_be_trained_by_its_folder(models, tmp_pat
 
 def test_weights_that_do_not_say_how_sure_they_may_be_are_refused(tmp_path, ensemble):
     path = tmp_path / "w.safetensors"
-    save_weights(path, ensemble, WeightsInfo("compact", BOTH))
+    save_weights(path, ensemble, WeightsInfo("compact", BOTH, width=WIDTH))
     path.with_suffix(".yaml").unlink()
     with pytest.raises(WeightsError, match=r"w\.yaml: does not exist"):
         load_weights(path)
 
 
 def test_numbers_fitted_to_other_weights_are_refused(tmp_path, ensemble):
-    save_weights(tmp_path / "a.safetensors", ensemble, WeightsInfo("compact", BOTH))
-    other = Ensemble([build_network("compact", 2)])
-    save_weights(tmp_path / "b.safetensors", other, WeightsInfo("compact", BOTH))
+    save_weights(tmp_path / "a.safetensors", ensemble, WeightsInfo("compact", BOTH, width=WIDTH))
+    other = Ensemble([build_network("compact", 2, WIDTH)])
+    save_weights(tmp_path / "b.safetensors", other, WeightsInfo("compact", BOTH, width=WIDTH))
     (tmp_path / "b.yaml").replace(tmp_path / "a.yaml")
     with pytest.raises(WeightsError, match=r"a\.yaml.*fitted to other weights"):
         load_weights(tmp_path / "a.safetensors")
@@ -90,7 +91,7 @@ def test_numbers_fitted_to_other_weights_are_refused(tmp_path, ensemble):
 
 def test_weights_that_hold_their_confidence_themselves_as_older_ones_do_are_read(tmp_path, ensemble):
     path = tmp_path / "w.safetensors"
-    save_weights(path, ensemble, WeightsInfo("compact", BOTH))
+    save_weights(path, ensemble, WeightsInfo("compact", BOTH, width=WIDTH))
     path.with_suffix(".yaml").unlink()
     with safe_open(path, "pt") as file:
         header = file.metadata()
@@ -103,3 +104,35 @@ def test_every_shipped_category_is_served_by_weights_trained_on_it():
     assert trained_categories() == list_categories()
     for name in list_categories():
         assert find_weights(load_category(name)).is_file()
+
+
+def test_weights_come_back_as_they_were_saved(tmp_path):
+    torch.manual_seed(1)
+    network = Ensemble(build_network("compact", width=WIDTH) for _ in range(2)).eval()
+    save_weights(
+        tmp_path / "w.safetensors", network, WeightsInfo("compact", {"mug": trained_on(MUG)}, width=WIDTH)
+    )
+    loaded, info = load_weights(tmp_path / "w.safetensors")
+    assert info == WeightsInfo("compact", {"mug": trained_on(MUG)}, width=WIDTH)
+    for name, tensor in loaded.state_dict().items():
+        torch.testing.assert_close(tensor, network.state_dict()[name].half().float())
+
+
+@pytest.mark.parametrize("position", [20, -1000])
+def test_a_flipped_byte_in_the_weights_is_found(tmp_path, position):
+    path = tmp_path / "w.safetensors"
+    save_weights(
+        path,
+        Ensemble([build_network("compact", width=WIDTH)]),
+        WeightsInfo("compact", {"mug": trained_on(MUG)}, width=WIDTH),
+    )
+    data = bytearray(path.read_bytes())
+    data[position] ^= 255
+    path.write_bytes(data)
+    with pytest.raises(WeightsError, match=r"w\.safetensors"):
+        load_weights(path)
+
+
+def test_missing_weights_say_how_to_train_them(tmp_path):
+    with pytest.raises(WeightsError, match="grasptransfer train"):
+        load_weights(tmp_path / "none.safetensors")

@@ -34,13 +34,15 @@ class WeightsInfo:
 
     Args:
         network: name of its members for `build_network`.
-        categories: `trained_on` of each by its name, in the order of their numbers.
+        categories: `trained_on` of each category by its name, in the order of their numbers.
         confidence: how sure its estimates may be.
+        width: width of its members for `build_network`.
     """
 
     network: str
     categories: dict[str, dict[str, str]]
     confidence: Confidence = field(default_factory=Confidence)
+    width: float = 1.0
 
 
 def save_weights(path: Path, ensemble: "Ensemble", info: WeightsInfo):
@@ -54,6 +56,7 @@ def save_weights(path: Path, ensemble: "Ensemble", info: WeightsInfo):
     header = {
         "format_version": str(FORMAT_VERSION),
         "network": info.network,
+        "width": repr(info.width),
         "members": str(len(ensemble.members)),
         "categories": json.dumps(info.categories),
         "sha256": _digest(tensors),
@@ -153,8 +156,8 @@ def build_ensemble(stored: StoredWeights) -> "Ensemble":
 
     from grasptransfer.perception.networks.ensemble import Ensemble
 
-    categories = len(stored.info.categories)
-    ensemble = Ensemble(build_network(stored.info.network, categories) for _ in range(stored.members))
+    kind = (stored.info.network, len(stored.info.categories), stored.info.width)
+    ensemble = Ensemble(build_network(*kind) for _ in range(stored.members))
     ensemble.load_state_dict({name: torch.from_numpy(t).float() for name, t in stored.tensors.items()})
     return ensemble.eval()
 
@@ -258,7 +261,8 @@ def _info(header: dict[str, str] | None, path: Path) -> WeightsInfo:
         )
     try:
         categories = json.loads(header["categories"])
-        return WeightsInfo(header["network"], categories, _read_confidence(path, header))
+        width = float(header.get("width", "1"))  # Weights written before there was a width have that of 1.
+        return WeightsInfo(header["network"], categories, _read_confidence(path, header), width)
     except WeightsError:
         raise
     except (KeyError, TypeError, ValueError) as error:

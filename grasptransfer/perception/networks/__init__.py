@@ -58,14 +58,23 @@ def network_names() -> list[str]:
     return ["compact", "flownet2"]
 
 
-def build_network(name: str, categories: int = 1) -> nn.Module:
-    """A freshly initialised network for this many categories."""
+def build_network(name: str, categories: int = 1, width: float = 1.0) -> nn.Module:
+    """A freshly initialised network.
+
+    Args:
+        name: one of `network_names`.
+        categories: number of categories that it serves.
+        width: factor on the number of channels of its layers.
+
+    Raises:
+        SettingsError: there is no such network.
+    """
     if name == "compact":
         from grasptransfer.perception.networks.compact import CompactFlowNet
 
-        return CompactFlowNet(categories)
+        return CompactFlowNet(categories, width)
     if name == "flownet2":
         from grasptransfer.perception.networks.flownet2 import FlowNet2
 
-        return FlowNet2()
+        return FlowNet2(width)
     raise SettingsError("unknown network", key="network", value=name, choices=network_names())

@@ -1,7 +1,7 @@
 """The default network: a small U-shaped FlowNet with residual stages, made for two CPU cores.
 
-It matches the observed picture with the model; what the picture shows by itself it is told by
-`PictureFeatures`, level by level.
+It matches the observed picture with the model; what the picture shows by itself comes from `PictureFeatures`,
+added at every level.
 
 Group norm, not batch norm: the observed and the rendered picture have different statistics,
 and batch statistics that mix them fail in evaluation.
@@ -24,43 +24,46 @@ class CompactFlowNet(nn.Module):
 
     Args:
         categories: how many it serves; each has its own last layer for the latent.
+        width: factor on the number of channels; tests take less than 1.
     """
 
-    def __init__(self, categories: int = 1):
+    def __init__(self, categories: int = 1, width: float = 1.0):
         super().__init__()
+        widths, context = [_scaled(channels, width) for channels in WIDTHS], _scaled(CONTEXT, width)
         # In a tuple, the features are no part of the state: they never change and have a file of their own.
         self._picture_features = (load_picture_features(),)
         # One wide strided convolution: fine levels cost most of the time and hold least of the answer.
-        self.stem = nn.Sequential(nn.Conv2d(8, WIDTHS[0], 8, 4, 2, bias=False), _norm(WIDTHS[0]))
+        self.stem = nn.Sequential(nn.Conv2d(8, widths[0], 8, 4, 2, bias=False), _norm(widths[0]))
         self.down = nn.ModuleList(
             nn.Sequential(nn.Conv2d(a, b, 3, 2, 1, bias=False), _norm(b))
-            for a, b in itertools.pairwise(WIDTHS)
+            for a, b in itertools.pairwise(widths)
         )
+        # Weight files know these layers as `told`: what the picture's features say.
         self.told = nn.ModuleList(
             nn.Sequential(nn.Conv2d(a, b, 1, bias=False), _norm(b))
-            for a, b in zip(FEATURES, WIDTHS, strict=True)
+            for a, b in zip(FEATURES, widths, strict=True)
         )
-        self.refine = nn.ModuleList(nn.Sequential(ResidualBlock(b), ResidualBlock(b)) for b in WIDTHS[1:])
+        self.refine = nn.ModuleList(nn.Sequential(ResidualBlock(b), ResidualBlock(b)) for b in widths[1:])
         # Where things are matters to the whole shape, so the deepest level is not pooled but flattened.
         self.context = nn.Sequential(
-            nn.Conv2d(WIDTHS[-1], 24, 1),
+            nn.Conv2d(widths[-1], 24, 1),
             nn.Flatten(),
-            nn.Linear(24 * 6 * 8, CONTEXT),
+            nn.Linear(24 * 6 * 8, context),
             nn.ReLU(),
         )
-        self.spread = nn.Linear(CONTEXT, WIDTHS[-1])
-        self.shape = nn.Sequential(nn.Linear(CONTEXT, CONTEXT), nn.ReLU())
-        self.latent = nn.Linear(CONTEXT, categories * 2 * LATENT_SIZE)
-        self.match = nn.Linear(CONTEXT, 1)
+        self.spread = nn.Linear(context, widths[-1])
+        self.shape = nn.Sequential(nn.Linear(context, context), nn.ReLU())
+        self.latent = nn.Linear(context, categories * 2 * LATENT_SIZE)
+        self.match = nn.Linear(context, 1)
         self.up = nn.ModuleList(
             nn.Sequential(_conv(a + b, b, 1), ResidualBlock(b))
-            for a, b in zip(WIDTHS[:1:-1], WIDTHS[-2:0:-1], strict=True)
+            for a, b in zip(widths[:1:-1], widths[-2:0:-1], strict=True)
         )
-        self.motion = nn.Conv2d(WIDTHS[1], 7, 3, 1, 1)
+        self.motion = nn.Conv2d(widths[1], 7, 3, 1, 1)
         self.mask = nn.Sequential(
-            _conv(WIDTHS[1] + WIDTHS[0], WIDTHS[0], 1),
-            ResidualBlock(WIDTHS[0]),
-            nn.Conv2d(WIDTHS[0], 1, 3, 1, 1),
+            _conv(widths[1] + widths[0], widths[0], 1),
+            ResidualBlock(widths[0]),
+            nn.Conv2d(widths[0], 1, 3, 1, 1),
         )
         for parameter in (*self.motion.parameters(), *self.latent.parameters()):
             nn.init.zeros_(parameter)
@@ -71,7 +74,7 @@ class CompactFlowNet(nn.Module):
         return super()._apply(fn, recurse)
 
     def picture_features(self, pictures: Float[Tensor, "b 8 192 256"]) -> list[Float[Tensor, "b _ _ _"]]:
-        """Of the observed picture alone; frozen, so the same for every network of this kind."""
+        """Features of the observed picture alone; they are frozen and so the same for every such network."""
         return self._picture_features[0](pictures[:, :3])
 
     def forward(
@@ -87,9 +90,9 @@ class CompactFlowNet(nn.Module):
             features: `picture_features`, where they are known.
         """
         features = self.picture_features(pictures) if features is None else features
-        told = [layer(feature) for layer, feature in zip(self.told, features, strict=True)]
-        levels = [torch.relu(self.stem(pictures) + told[0])]
-        for down, more, refine in zip(self.down, told[1:], self.refine, strict=True):
+        shown = [layer(feature) for layer, feature in zip(self.told, features, strict=True)]
+        levels = [torch.relu(self.stem(pictures) + shown[0])]
+        for down, more, refine in zip(self.down, shown[1:], self.refine, strict=True):
             levels.append(refine(torch.relu(down(levels[-1]) + more)))
         deep = levels[-1]
         context = self.context(deep)
@@ -128,6 +131,11 @@ def _conv(a: int, b: int, stride: int) -> nn.Sequential:
 
 def _norm(width: int) -> nn.GroupNorm:
     return nn.GroupNorm(GROUPS, width)
+
+
+def _scaled(channels: int, width: float) -> int:
+    """A multiple of the groups near `channels * width`."""
+    return GROUPS * max(1, round(channels * width / GROUPS))
 
 
 def _double(x: Tensor) -> Tensor:

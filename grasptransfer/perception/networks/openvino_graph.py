@@ -18,7 +18,6 @@ from grasptransfer.perception.networks.architecture import (
     GROUPS,
     STAGES,
     TAPPED,
-    WIDTHS,
 )
 from grasptransfer.perception.networks.feature_weights import read_feature_weights
 
@@ -101,7 +100,7 @@ def _member(layers: "_Layers", pictures: Any, features: list[Any], number: int) 
     deep = levels[-1]
     context = ops.reshape(layers.convolution("context.0", deep), [1, -1], special_zero=False)
     context = ops.relu(layers.linear("context.2", context))
-    spread = ops.reshape(layers.linear("spread", context), [1, WIDTHS[-1], 1, 1], special_zero=False)
+    spread = ops.reshape(layers.linear("spread", context), [1, -1, 1, 1], special_zero=False)
     deep = ops.add(deep, spread)
     for i, skip in enumerate(levels[-2:0:-1]):
         x = ops.relu(layers.normed(f"up.{i}.0", ops.concat([_double(deep), skip], 1)))

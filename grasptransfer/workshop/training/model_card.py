@@ -113,10 +113,12 @@ def _curve(logs: list[list[dict[str, str]]]) -> list[tuple[str, ...]]:
 
 
 def _what_it_is(config: TrainingConfig, hours: float, precision: str) -> str:
-    parameters = sum(p.numel() for p in build_network(config.network, len(config.categories)).parameters())
+    network = build_network(config.network, len(config.categories), config.width)
+    parameters = sum(parameter.numel() for parameter in network.parameters())
     meshes = _of_meshes(config.categories)
     options = (
-        f"--network {config.network} --members {config.members} --loss {config.loss} "
+        f"--network {config.network} --width {config.width:g} --members {config.members} "
+        f"--loss {config.loss} "
         f"--samples {config.samples} --steps {config.steps} --batch {config.batch} --echo {config.echo} "
         f"--learning-rate {config.learning_rate:g} --seed {config.seed}"
     )

@@ -34,6 +34,7 @@ class TrainingConfig:
     Args:
         categories: trained together in one network; none given: all shipped ones.
         network: see `grasptransfer.perception.networks`.
+        width: factor on the number of channels of the network's layers.
         members: networks trained alike but for the seed; their mean is the answer.
         loss: likelihood, or paper (squared offsets times 1000).
         samples: rendered training samples.
@@ -52,6 +53,7 @@ class TrainingConfig:
 
     categories: Positional[Categories] = ()
     network: str = "compact"
+    width: float = 1.0
     members: int = 2
     loss: str = "likelihood"
     samples: int = 20_000
@@ -78,8 +80,9 @@ class TrainingConfig:
             if value not in choices:
                 raise SettingsError(f"unknown {key}", key=key, value=value, choices=choices)
         check_counts(self, "members", "samples", "held_out", "steps", "batch", "echo")
-        if not 0 < self.learning_rate < math.inf:
-            raise SettingsError("must be above 0", key="learning_rate", value=self.learning_rate)
+        for key in ("width", "learning_rate"):
+            if not 0 < getattr(self, key) < math.inf:
+                raise SettingsError("must be above 0", key=key, value=getattr(self, key))
         if not 0 <= self.weight_decay < math.inf:
             raise SettingsError("must be 0 or more", key="weight_decay", value=self.weight_decay)
 

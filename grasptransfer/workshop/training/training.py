@@ -91,7 +91,7 @@ def train_networks(
     ensemble = Ensemble(members)
     if place.first:
         trained = {category.name: trained_on(category) for category in config.categories}
-        save_weights(output, ensemble, WeightsInfo(config.network, trained))
+        save_weights(output, ensemble, WeightsInfo(config.network, trained, width=config.width))
     alone = [evaluate(member, held_out_set, config, precision=place.precision) for member in members]
     return evaluate(ensemble, held_out_set, config, precision=place.precision), alone
 
@@ -150,7 +150,7 @@ class _Run:
         self.seed = config.seed + member
         self.folder.mkdir(exist_ok=True)
         torch.manual_seed(self.seed)
-        self.network = build_network(config.network, len(config.categories))
+        self.network = build_network(config.network, len(config.categories), config.width)
         channels_last(self.network, place.device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
@@ -246,7 +246,7 @@ class _Run:
             if not path.exists():
                 continue
             state = torch.load(path, map_location=self.place.device, weights_only=True)
-            other = json.loads(state["config"])
+            other = {"width": 1.0} | json.loads(state["config"])  # Older checkpoints do not state it.
             if {**other, "steps": 0} != {**own, "steps": 0}:
                 raise SettingsError(
                     "holds a run with other settings",
