@@ -78,7 +78,7 @@ class Camera:
         """
         try:
             k = np.array(matrix, dtype=float)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise CameraError("intrinsics must be a 3x3 matrix", key="camera", value=matrix) from error
         if k.shape != (3, 3):
             raise CameraError("intrinsics must be a 3x3 matrix", key="camera", value=k.shape)

@@ -81,7 +81,7 @@ def check_rigid(a_from_b: object, name: str = "pose") -> Float[np.ndarray, "4 4"
     """
     try:
         matrix = np.array(a_from_b, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise PoseError("must be a 4x4 matrix of numbers", key=name, value=a_from_b) from error
     if matrix.shape != (4, 4):
         raise PoseError("must be a 4x4 matrix", key=name, value=matrix.shape)

@@ -108,7 +108,7 @@ def covariance_of(
         return None
     try:
         array = np.array(pose_sigma, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.array(np.nan)
     where: dict[str, Any] = {"key": key, "path": path, "value": pose_sigma}
     if (

@@ -261,7 +261,7 @@ def test_the_gripper_of_an_isaac_file_is_known_by_its_model_or_its_joints(tmp_pa
         read_grasps(beyond)
 
 
-@pytest.mark.parametrize("scale", [0, -1.0, float("nan"), True, "big"])
+@pytest.mark.parametrize("scale", [0, -1.0, float("nan"), True, "big", 10**21, 10**400])
 def test_an_object_s_scale_must_be_above_zero(tmp_path, scale):
     path = tmp_path / "g.json"
     grasps = {"transforms": [np.eye(4).tolist()]}

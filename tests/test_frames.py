@@ -76,6 +76,7 @@ def test_the_nearest_rotation_is_proper_and_keeps_rotations(seed):
         (np.diag([1.0, 1, -1, 1]), "reflection"),
         (np.diag([2.0, 2, 2, 1]), "scaled"),
         (np.full((4, 4), np.nan), "NaN"),
+        ([[10**400, 0, 0, 0], *np.eye(4)[1:].tolist()], "4x4 matrix of numbers"),
         (rigid(np.eye(3), np.array([0, 0, 600.0])), "millimetres"),
         (rigid(np.eye(3), np.array([0, 0, 0.6])).T, "transposed"),
     ],

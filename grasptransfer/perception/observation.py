@@ -234,7 +234,7 @@ def _box_of(box, width: int, height: int) -> Box:
     """A given box; beside a mask, which may show a part alone, it goes round the whole object."""
     try:
         array = np.asarray(box, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
     if array.shape != (4,):
         raise ImageError("must be four numbers (u0, v0, u1, v1)", key="box", value=box)

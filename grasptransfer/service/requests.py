@@ -69,7 +69,7 @@ def array(value: Any, key: str) -> np.ndarray:
     if not isinstance(value, Mapping):
         try:
             return np.array(value, dtype=float)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise SettingsError("is not an array of numbers", key=key, value=value) from error
     check_keys(value, ("dtype", "shape", "data"), ("dtype", "shape", "data"), key)
     dtype, shape, data = value["dtype"], value["shape"], value["data"]

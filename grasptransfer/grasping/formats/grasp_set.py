@@ -21,6 +21,7 @@ from grasptransfer.frames import check_rigid, invert
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.placed_grasp import PlacedGrasp
 
+LARGEST_SCALE = 1e6  # no mesh is given in a smaller unit than micrometres
 LOG = logging.getLogger(__name__)
 OBJECT, CAMERA, CANONICAL = "object", "camera", "canonical"
 WORLDS = ("world", "map", "odom", "base", "base_link", "robot")  # frames that are no object's
@@ -105,7 +106,7 @@ def rigid_poses(values: object, path: Path, key: str) -> Float[np.ndarray, "g 4 
     """
     try:
         poses = np.array(values, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise GraspFileError("must hold 4x4 matrices of numbers", path=path, key=key) from error
     if poses.size == 0:
         raise GraspFileError("holds no grasp", path=path, key=key)
@@ -141,10 +142,12 @@ def scale_of(value: object, path: Path, key: str) -> float:
     Raises:
         GraspFileError: no number above 0.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         raise GraspFileError("must be a number", path=path, key=key, value=value)
-    if value <= 0:
-        raise GraspFileError("must be above 0", path=path, key=key, value=value)
+    if not 0 < value <= LARGEST_SCALE:
+        raise GraspFileError(
+            f"must be above 0 and at most {LARGEST_SCALE:g}", path=path, key=key, value=value
+        )
     return float(value)
 
 
