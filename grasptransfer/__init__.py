@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from grasptransfer.grasping import list_grippers as list_grippers
     from grasptransfer.grasping import load_gripper as load_gripper
     from grasptransfer.grasping import load_scene as load_scene
+    from grasptransfer.pairs import register_pair as register_pair
+    from grasptransfer.perception.pose_search import FoundPose as FoundPose
+    from grasptransfer.perception.pose_search import find_pose as find_pose
     from grasptransfer.poses import load_pose as load_pose
     from grasptransfer.result import TransferResult as TransferResult
     from grasptransfer.simulation import simulate as simulate
     from grasptransfer.transfer import GraspTransfer as GraspTransfer
-    from grasptransfer.transfer import register_pair as register_pair
     from grasptransfer.transfer import transfer_grasps as transfer_grasps
 
 __version__ = "0.1.0"
@@ -31,17 +33,19 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 _HOMES = {
     "Camera": "camera",
     "Category": "category",
+    "FoundPose": "perception.pose_search",
     "GraspTransfer": "transfer",
     "GraspTransferError": "errors",
     "Scene": "grasping",
     "TransferResult": "result",
+    "find_pose": "perception.pose_search",
     "list_categories": "category",
     "list_grippers": "grasping",
     "load_category": "category",
     "load_gripper": "grasping",
     "load_pose": "poses",
     "load_scene": "grasping",
-    "register_pair": "transfer",
+    "register_pair": "pairs",
     "simulate": "simulation",
     "transfer_grasps": "transfer",
 }

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
     from grasptransfer.perception.observation import Observation
     from grasptransfer.perception.pose_prior import PoseDeviation
+    from grasptransfer.perception.pose_search import FoundPose
     from grasptransfer.registration import DeformationField
     from grasptransfer.waypoints import Waypoints
 
@@ -164,6 +165,7 @@ class TransferResult:
         category, gripper: loaded.
         observation: what was seen and given.
         scene: obstacles, or None.
+        found_poses: where no pose was given, those that were found in the picture, the one taken first.
     """
 
     grasps: tuple[TransferredGrasp, ...]
@@ -174,6 +176,18 @@ class TransferResult:
     gripper: Gripper
     observation: Observation
     scene: Scene | None
+    found_poses: tuple[FoundPose, ...] = ()
+
+    @property
+    def pose_note(self) -> str | None:
+        """One sentence where the pose was found, not given: how likely it is, and what else may be."""
+        if not self.found_poses:
+            return None
+        taken, *others = self.found_poses
+        note = f"No pose was given: one was found in the picture, right with a chance of {taken.chance:.0%}"
+        if others:
+            note += f"; {len(others)} other{'s are' if len(others) > 1 else ' is'} possible"
+        return f"{note} (scores contain this chance)."
 
     @property
     def usable(self) -> tuple[TransferredGrasp, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import CategoryError, NotSucceeded, check_seed
+from grasptransfer.choice import Prefer, Reachable, chosen, in_order, raise_unless_succeeded
+from grasptransfer.errors import CategoryError, check_seed
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping import (
     Gripper,
@@ -32,29 +34,17 @@ from grasptransfer.grasping import (
     rank_grasps,
 )
 from grasptransfer.jobs import single_blas_thread
-from grasptransfer.perception.estimators import (
-    ESTIMATORS,
-    EstimatorSettings,
-    check_several_pictures,
-    make_estimator,
-)
-from grasptransfer.registration import register_pair as pair_fields
-from grasptransfer.registration.field import FieldPair
+from grasptransfer.perception import estimators
+from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, check_several_pictures
 from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.track import POSE_NOISE, Track
 
 if TYPE_CHECKING:
     from grasptransfer.perception.estimate import Estimator, ShapeEstimate
     from grasptransfer.perception.observation import Observation
+    from grasptransfer.perception.pose_search import FoundPose, PoseFinder
 
-__all__ = [
-    "ESTIMATORS",
-    "GraspTransfer",
-    "TransferResult",
-    "TransferredGrasp",
-    "register_pair",
-    "transfer_grasps",
-]
+__all__ = ["ESTIMATORS", "GraspTransfer", "TransferResult", "TransferredGrasp", "transfer_grasps"]
 
 
 class GraspTransfer:
@@ -95,7 +85,7 @@ class GraspTransfer:
         )
         self._named = estimator
         settings = EstimatorSettings(refine_pose, device, precision)
-        self.estimator = make_estimator(estimator, self.category, settings)
+        self.estimator = estimators.make_estimator(estimator, self.category, settings)
         self.seed = seed
 
     def transfer(
@@ -111,6 +101,8 @@ class GraspTransfer:
         pose_sigma=None,
         views: str = "moved camera",
         world_from_camera=None,
+        reachable=None,
+        prefer=None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`.
@@ -120,9 +112,14 @@ class GraspTransfer:
         """
         from grasptransfer.perception.picture_lists import observe_all
 
-        given = {"camera": camera, "box": box, "mask": mask, "depth": depth, "pose_sigma": pose_sigma}
-        observation = observe_all(image, pose, views=views, **given)
-        return self.answer(observation, scene=scene, world_from_camera=world_from_camera, strict=strict)
+        seen = {"camera": camera, "box": box, "mask": mask}
+        found = self.finder.find(image, **seen) if pose is None else ()
+        if found:
+            pose, pose_sigma = found[0].camera_from_object, found[0].pose_sigma
+        observation = observe_all(image, pose, views=views, **seen, depth=depth, pose_sigma=pose_sigma)
+        wanted = {"found": found, "reachable": reachable, "prefer": prefer}
+        how = {"scene": scene, "world_from_camera": world_from_camera, "strict": strict}
+        return self.answer(observation, **how, **wanted)
 
     def track(self, *, views: str = "moved camera", pose_noise=POSE_NOISE) -> Track:
         """Follow one object from picture to picture: what each leaves known is the prior of the next.
@@ -138,9 +135,21 @@ class GraspTransfer:
         return Track(self.answer, views=views, pose_noise=pose_noise)
 
     def answer(
-        self, observation: Observation, *, scene=None, world_from_camera=None, strict: bool = False
+        self,
+        observation: Observation,
+        *,
+        scene=None,
+        world_from_camera=None,
+        found: tuple[FoundPose, ...] = (),
+        reachable=None,
+        prefer=None,
+        strict: bool = False,
     ) -> TransferResult:
-        """Transfer the annotated grasps to what was observed; arguments as of `transfer_grasps`."""
+        """Transfer the annotated grasps to what was observed.
+
+        Args:
+            found: poses of `find_pose`, where none was given; the other arguments are `transfer_grasps`'s.
+        """
         if observation.further:
             check_several_pictures(self._named, "image")
         scene = as_scene(scene)
@@ -152,11 +161,19 @@ class GraspTransfer:
         estimate = self.estimator(observation)
         estimated = time.perf_counter()
         result = self.grasp(observation, estimate, scene=scene, world_from_camera=world_from_camera)
+        result = chosen(result, found=found, reachable=reachable, prefer=prefer)
         spent = {"shape": estimated - clock, "grasps": time.perf_counter() - estimated}
         result = replace(result, timings=result.timings | spent | {"total": sum(spent.values())})
         if strict:
-            _raise_unless_succeeded(result)
+            raise_unless_succeeded(result)
         return result
+
+    @cached_property
+    def finder(self) -> PoseFinder:
+        """Finds the pose in pictures that come without one."""
+        from grasptransfer.perception.pose_search import PoseFinder
+
+        return PoseFinder(self.category, estimator=self.estimator)
 
     def grasp(
         self,
@@ -185,7 +202,7 @@ class GraspTransfer:
             for warped, check, score in zip(planned.grasps, checks, scores, strict=True)
         ]
         return TransferResult(
-            grasps=tuple(sorted(grasps, key=lambda grasp: (not grasp.usable, -grasp.score))),
+            grasps=in_order(grasps),
             mesh=planned.mesh,
             estimate=estimate,
             timings=timings,
@@ -219,6 +236,8 @@ def transfer_grasps(
     refine_pose: bool = True,
     views: str = "moved camera",
     world_from_camera=None,
+    reachable: Reachable | None = None,
+    prefer: Prefer | None = None,
     device: str = "auto",
     precision: str = "auto",
     seed: int = 0,
@@ -232,7 +251,8 @@ def transfer_grasps(
         image: path, PIL picture or uint8 (h, w, 3) RGB; or a list of them, all of one object. Then `pose`,
             and `box`, `mask` and `depth` where given, are lists of the same length; `camera` and `pose_sigma`
             may be. The result is in the frame of the first picture's camera, and so is the scene.
-        pose: (4, 4) `camera_from_object`, OpenCV axes, metres.
+        pose: (4, 4) `camera_from_object`, OpenCV axes, metres; or None: it is searched in the picture
+            (`find_pose`), and the result's `found_poses` and `pose_note` say how likely it is.
         category: name, folder or loaded `Category`.
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for a 60 degree field of view.
         gripper: name, YAML path or loaded `Gripper`.
@@ -251,6 +271,9 @@ def transfer_grasps(
             that one error, that of the first pose, is common to all; "separate": each pose errs by itself.
         world_from_camera: (4, 4) where the camera stands [m], or None; with it every grasp has
             `world_from_gripper`.
+        reachable: callback on `world_from_gripper` (4, 4) [m]: does the robot reach it? Other
+            grasps get the status OUT_OF_REACH. It needs `world_from_camera`.
+        prefer: the grasp chosen last, or a direction (3,) to come in along (`choice.py`).
         device: "auto", "cpu", "openvino" or "cuda", of networks (`perception/device.py`).
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
@@ -263,20 +286,8 @@ def transfer_grasps(
     flow = GraspTransfer(category, **made, device=device, precision=precision, seed=seed)
     seen = {"camera": camera, "box": box, "mask": mask, "depth": depth, "scene": scene}
     known = {"pose_sigma": pose_sigma, "views": views, "world_from_camera": world_from_camera}
-    return flow.transfer(image, pose, **seen, **known, strict=strict)
-
-
-def register_pair(a: TransferResult, b: TransferResult) -> FieldPair:
-    """The field from instance A to instance B, through their canonical model.
-
-    Raises:
-        CategoryError: the results are of different categories.
-    """
-    if a.category.canonical_sha256 != b.category.canonical_sha256:
-        raise CategoryError(
-            "the results are of different categories", value=(a.category.name, b.category.name)
-        )
-    return pair_fields(a.field, b.field)
+    wanted = {"reachable": reachable, "prefer": prefer}
+    return flow.transfer(image, pose, **seen, **known, **wanted, strict=strict)
 
 
 def _grasp_file(category: Category) -> Path:
@@ -287,13 +298,3 @@ def _grasp_file(category: Category) -> Path:
             fix=f"Annotate some: grasptransfer annotate {category.name}",
         )
     return category.grasps_path
-
-
-def _raise_unless_succeeded(result: TransferResult):
-    from grasptransfer.perception.estimate import EstimateStatus
-
-    if result.status is not EstimateStatus.OK:
-        raise NotSucceeded(result.status.advice, key="status", value=result.status.value)
-    if not result.usable:
-        reasons = "; ".join(sorted({grasp.reason for grasp in result.grasps}))
-        raise NotSucceeded("no usable grasp", key="grasps", value=reasons)

@@ -32,6 +32,7 @@ ROOMS = [
     {"simulation"},
     {"waypoints"},
     {"result"},
+    {"choice", "pairs"},
     {"track"},
     {"transfer"},
     {"options"},

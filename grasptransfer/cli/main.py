@@ -34,6 +34,7 @@ GROUPS: dict[str, Table] = {
         "glass": "bench.pictures:glass",
         "latency": "bench.pictures:latency",
         "photos": "bench.pictures:photos",
+        "pose": "bench.pictures:pose",
         "refusal": "bench.pictures:refusal",
         "grasp": "bench.grasps:grasp",
         "calibration": "bench.grasps:calibration",

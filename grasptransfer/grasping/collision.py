@@ -44,6 +44,7 @@ class CheckStatus(enum.Enum):
     NO_CONTACT = "no contact"
     OUT_OF_SHAPE_SPACE = "out of the shape space"
     UNLIKELY_TO_HOLD = "unlikely to hold"
+    OUT_OF_REACH = "out of reach"
 
     @property
     def usable(self) -> bool:
@@ -63,6 +64,7 @@ _ADVICE = {
     CheckStatus.TOO_WIDE: "Use a gripper that opens wider, or grasp the object elsewhere.",
     CheckStatus.NO_CONTACT: "Refine the grasp: as it stands a pad closes beside the object.",
     CheckStatus.UNLIKELY_TO_HOLD: "Prefer another grasp: this one would slip on many plausible shapes.",
+    CheckStatus.OUT_OF_REACH: "Move the robot's base or the object: its arm does not get to this grasp.",
     CheckStatus.OUT_OF_SHAPE_SPACE: "Do not trust this grasp: the object differs too much from its category.",
 }
 

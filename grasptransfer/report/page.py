@@ -99,9 +99,13 @@ def headline(result: "TransferResult") -> str:
 
 def _lead(result: "TransferResult") -> str:
     if not result.usable:
-        return result.status.advice
+        return _advice(result)
     best = result.usable[0]
-    return f"{result.status.advice} Best grasp: {best.name}, expected success {best.score:.0%}."
+    return f"{_advice(result)} Best grasp: {best.name}, expected success {best.score:.0%}."
+
+
+def _advice(result: "TransferResult") -> str:
+    return " ".join(filter(None, (result.pose_note, result.status.advice)))
 
 
 def _summary(result: "TransferResult", trials: Sequence) -> list[Fact]:

@@ -103,6 +103,7 @@ def as_data(result: "TransferResult") -> dict:
         "views": observation.views,
         "further_pictures": [_picture_data(picture) for picture in observation.further],
         "camera_from_object": _rows(result.camera_from_object),
+        **_found(result),
         "pose_sigma_prior": _deviation(result.pose_sigma_prior),
         "pose_sigma_posterior": _deviation(result.pose_sigma_posterior),
         "extents": _numbers(result.mesh.extents),
@@ -128,6 +129,15 @@ def _picture_data(picture: "Observation") -> dict:
         "camera": {name: float(getattr(camera, name)) for name in ("fx", "fy", "cx", "cy")},
         "given_camera_from_object": _rows(picture.camera_from_object),
     }
+
+
+def _found(result: "TransferResult") -> dict:
+    """Poses that were found in the picture, where none was given."""
+    poses = [
+        {"chance": round(pose.chance, 4), "camera_from_object": _rows(pose.camera_from_object)}
+        for pose in result.found_poses
+    ]
+    return {"pose_note": result.pose_note, "found_poses": poses} if poses else {}
 
 
 def _grasp_data(grasp: "TransferredGrasp") -> dict:

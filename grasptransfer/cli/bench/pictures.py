@@ -8,6 +8,7 @@ from grasptransfer.workshop.benchmark.deformation_maps import draw_deformation_m
 from grasptransfer.workshop.benchmark.glass import GlassSettings, run_glass_benchmark
 from grasptransfer.workshop.benchmark.latency import LatencySettings, run_latency_benchmark
 from grasptransfer.workshop.benchmark.photos import PhotoSettings, run_photo_benchmark
+from grasptransfer.workshop.benchmark.pose import PoseSettings, run_pose_benchmark
 from grasptransfer.workshop.benchmark.refusal import RefusalSettings, run_refusal_benchmark
 from grasptransfer.workshop.benchmark.registration import (
     PoseNoiseSettings,
@@ -51,6 +52,16 @@ def glass(settings: GlassSettings, results: ResumedResults) -> int:
 def photos(settings: PhotoSettings, results: ResumedResults) -> int:
     """Errors of rgb, rigid and similarity on real photographs with known poses (the paper's table III)."""
     return run(partial(run_photo_benchmark, settings, **results.how()), results)
+
+
+def pose(settings: PoseSettings, results: ResumedResults, write: bool = False) -> int:
+    """Poses found from box and intrinsics alone: share right within 10 degrees and 10 cm, 5 and 5, IoU 50 %.
+
+    Args:
+        write: fit the chances to the random shapes shown and write objects/models/poses.yaml, with this
+            command and the date.
+    """
+    return run(partial(run_pose_benchmark, settings, **results.how(), write=write), results)
 
 
 def refusal(settings: RefusalSettings, results: Results) -> int:

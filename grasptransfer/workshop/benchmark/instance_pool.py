@@ -91,6 +91,7 @@ def _weights(settings: Any) -> list[Path]:
     """Files of trained and fitted numbers that a row depends on."""
     from grasptransfer.category import load_category
     from grasptransfer.grasping.success_model import ranking_path
+    from grasptransfer.perception.pose_search.chances import chances_path
     from grasptransfer.perception.weights import find_weights, trained_categories
 
     given = getattr(settings, "weights", None)
@@ -98,7 +99,7 @@ def _weights(settings: Any) -> list[Path]:
         return [given]
     names = set(settings.categories) & set(trained_categories())
     found = {find_weights(load_category(name)) for name in names}
-    return sorted(found | {path.with_suffix(".yaml") for path in found} | {ranking_path()})
+    return sorted(found | {path.with_suffix(".yaml") for path in found} | {ranking_path(), chances_path()})
 
 
 def _line(key: str, names: tuple[str, str], row: dict) -> dict:
