@@ -13,8 +13,8 @@ from grasptransfer.frames import rigid
 from grasptransfer.registration import (
     DeformationField,
     DisplacementModel,
+    GaussianPosePrior,
     LatentFitStatus,
-    PosePrior,
     PreparedSource,
     ShapeSpace,
     latent_fit,
@@ -142,7 +142,7 @@ def test_the_jacobian_is_that_of_finite_differences(seed, refine, covered, slidi
         model,
         DisplacementModel(rng.normal(size=(30, 3)) * 0.01, rng.normal(size=(30, 3, 2)) * 0.01),
         rigid(Rotation.random(rng=seed).as_matrix(), rng.normal(size=3)),
-        PosePrior() if refine else None,
+        GaussianPosePrior() if refine else None,
     )
     state = rng.normal(size=len(posed.start())) * 0.3
     observed = posed.points(state) + rng.normal(size=(30, 3)) * 0.002

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
-from grasptransfer.workshop.objects import Shape, canonical, corresponding_points, sample
+from grasptransfer.workshop.objects import ParametricObject, canonical, corresponding_points, sample
 
 CATEGORIES = ("drill", "camera", "spray_bottle")
 # Extents along x, y and z [m]: the smallest and largest on the market, measured ones well inside.
@@ -25,11 +25,11 @@ OPTIONAL = {
 
 
 @lru_cache(maxsize=128)
-def shape(category: str, seed: int) -> Shape:
+def shape(category: str, seed: int) -> ParametricObject:
     return sample(category, seed)
 
 
-def part(shape: Shape, name: str):
+def part(shape: ParametricObject, name: str):
     return next(part for part in shape.parts if part.name == name)
 
 
@@ -78,7 +78,7 @@ def test_surface_points_of_a_part_correspond_to_points_of_the_same_part(category
         np.testing.assert_allclose(points, same.vertices[same.faces].mean(axis=1)[free], atol=1e-9)
 
 
-def _outside_others(shape: Shape, name: str, points: np.ndarray) -> np.ndarray:
+def _outside_others(shape: ParametricObject, name: str, points: np.ndarray) -> np.ndarray:
     """Points away from the surface of every other part."""
     others = np.concatenate(
         [piece.vertices[piece.faces].mean(1) for piece in shape.parts if piece.name != name]

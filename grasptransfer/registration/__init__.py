@@ -9,7 +9,7 @@ from grasptransfer.registration.cpd_result import CpdProgress, CpdResult, CpdSta
 from grasptransfer.registration.displacement_model import DisplacementModel, motion_along
 from grasptransfer.registration.field import DeformationField, FieldPair, register_pair
 from grasptransfer.registration.field_metric import Metric
-from grasptransfer.registration.fit_residuals import PosePrior
+from grasptransfer.registration.fit_residuals import GaussianPosePrior
 from grasptransfer.registration.latent_fit import LatentFit, LatentFitStatus, latent_fit
 from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
 from grasptransfer.registration.shape_space import ShapeSpace
@@ -21,11 +21,11 @@ __all__ = [
     "DeformationField",
     "DisplacementModel",
     "FieldPair",
+    "GaussianPosePrior",
     "LatentFit",
     "LatentFitStatus",
     "LatentPosterior",
     "Metric",
-    "PosePrior",
     "PreparedSource",
     "ShapeSpace",
     "SpaceScore",

@@ -19,7 +19,7 @@ COVERAGE = 0.3  # weight of a visible model point without observed counterpart, 
 
 
 @dataclass(frozen=True)
-class PosePrior:
+class GaussianPosePrior:
     """How far the given pose may be wrong: standard deviations.
 
     Args:
@@ -31,7 +31,7 @@ class PosePrior:
     translation: float = 0.02
 
     @classmethod
-    def of_scale(cls, scale: float) -> "PosePrior":
+    def of_scale(cls, scale: float) -> "GaussianPosePrior":
         """A quarter of the object's RMS radius [m] and six degrees."""
         return cls(translation=0.25 * scale)
 
@@ -50,7 +50,7 @@ class Posed:
     points_canonical: Float[np.ndarray, "p 3"]
     model: DisplacementModel
     initial: Float[np.ndarray, "4 4"]
-    prior: PosePrior | None
+    prior: GaussianPosePrior | None
 
     @property
     def n_modes(self) -> int:

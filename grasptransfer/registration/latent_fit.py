@@ -29,7 +29,7 @@ from grasptransfer.registration.blocks import BLOCK, spatial_order
 from grasptransfer.registration.clouds import check_cloud, check_points
 from grasptransfer.registration.expectation import EStep, log_outlier_term
 from grasptransfer.registration.field import positive
-from grasptransfer.registration.fit_residuals import FitResiduals, Posed, PosePrior
+from grasptransfer.registration.fit_residuals import FitResiduals, GaussianPosePrior, Posed
 from grasptransfer.registration.shape_space import ShapeSpace
 from grasptransfer.registration.visibility import visible_points
 
@@ -95,7 +95,7 @@ def latent_fit(
     model_points: Float[np.ndarray, "p 3"] | None = None,
     initial_pose: Float[np.ndarray, "4 4"] | None = None,
     refine_pose: bool = False,
-    pose_prior: PosePrior | None = None,
+    pose_prior: GaussianPosePrior | None = None,
     viewpoint: Float[np.ndarray, "3"] | None = None,
     robust_scale: float = 3.0,
     sliding: float = 0.8,
@@ -111,7 +111,7 @@ def latent_fit(
             ones fit better.
         initial_pose: (4, 4) first guess of `told_from_refined`; the identity by default.
         refine_pose: fit the pose, too.
-        pose_prior: how wrong the given pose may be; `PosePrior.of_scale` by default.
+        pose_prior: how wrong the given pose may be; `GaussianPosePrior.of_scale` by default.
         viewpoint: (3,) where the cloud was seen from, given object frame [m]; then hidden model points are
             not matched, and visible ones are drawn to the cloud. None where it was seen from all sides.
         robust_scale: residuals beyond this many standard deviations count less.
@@ -137,7 +137,7 @@ def latent_fit(
     if viewpoint is not None:
         viewpoint = check_points(np.reshape(viewpoint, (1, -1)), "viewpoint")[0]
     if refine_pose:
-        pose_prior = pose_prior or PosePrior.of_scale(space.scale)
+        pose_prior = pose_prior or GaussianPosePrior.of_scale(space.scale)
     model = model[spatial_order(model, BLOCK)]
     posed = Posed(model, space.displacement_model(model), start, pose_prior if refine_pose else None)
     with single_blas_thread():

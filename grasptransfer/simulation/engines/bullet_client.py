@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 BASE = -1  # Bullet's index of a body's root link
 
 
-class Client:
+class BulletClient:
     """One connection to the physics engine."""
 
     def __init__(self):

@@ -10,7 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.frames import invert
-from grasptransfer.simulation.engines.bullet_client import BASE, Client, position_and_quaternion, transform
+from grasptransfer.simulation.engines.bullet_client import (
+    BASE,
+    BulletClient,
+    position_and_quaternion,
+    transform,
+)
 from grasptransfer.simulation.engines.seam import FloatingGripper
 from grasptransfer.simulation.hand import Hand
 from grasptransfer.simulation.protocol import Protocol
@@ -26,7 +31,7 @@ class BulletGripper(FloatingGripper):
         folder: folder that holds `hand.urdf` and its meshes.
     """
 
-    def __init__(self, client: Client, hand: Hand, protocol: Protocol, folder: Path):
+    def __init__(self, client: BulletClient, hand: Hand, protocol: Protocol, folder: Path):
         super().__init__(hand, protocol)
         self._call, self._bullet = client.call, client.bullet
         flags = (

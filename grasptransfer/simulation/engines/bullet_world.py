@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from grasptransfer.frames import invert, rigid
 from grasptransfer.simulation.body import Body, wavefront
-from grasptransfer.simulation.engines.bullet_client import BASE, Client, quaternion, transform
+from grasptransfer.simulation.engines.bullet_client import BASE, BulletClient, quaternion, transform
 from grasptransfer.simulation.engines.bullet_files import OwnedFolder
 from grasptransfer.simulation.engines.bullet_gripper import BulletGripper
 from grasptransfer.simulation.engines.seam import FAR, World
@@ -40,7 +40,7 @@ class BulletWorld(World):
 
     def __init__(self, body: Body, hand: Hand, protocol: Protocol):
         super().__init__(body, hand, protocol)
-        self._client = Client()
+        self._client = BulletClient()
         self._call = self._client.call
         self._shape: int | None = None
         self._loaded: BulletGripper | None = None

@@ -11,12 +11,12 @@ from importlib import import_module
 
 from grasptransfer.errors import CategoryError, SettingsError, check_seed
 from grasptransfer.workshop.objects.correspondence import SurfaceLocator, corresponding_points
-from grasptransfer.workshop.objects.shape import Material, Part, Shape
+from grasptransfer.workshop.objects.shape import Material, ParametricObject, Part
 
 __all__ = [
     "Material",
+    "ParametricObject",
     "Part",
-    "Shape",
     "SurfaceLocator",
     "canonical",
     "corresponding_points",
@@ -32,7 +32,7 @@ def generators() -> tuple[str, ...]:
     return CATEGORIES
 
 
-def sample(category: str, seed: int, **fixed) -> Shape:
+def sample(category: str, seed: int, **fixed) -> ParametricObject:
     """A random shape of `category`; the same seed gives the same shape.
 
     Args:
@@ -54,7 +54,7 @@ def sample(category: str, seed: int, **fixed) -> Shape:
 
 
 @lru_cache(maxsize=8)
-def canonical(category: str) -> Shape:
+def canonical(category: str) -> ParametricObject:
     """The plain, typical shape of `category` that all samples correspond to.
 
     Raises:

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from grasptransfer.workshop.objects.shape import Shape
+from grasptransfer.workshop.objects.shape import ParametricObject
 
 OFF_SURFACE = 1e-3  # m: a point further from the canonical surface has no counterpart
 _SPACING = 0.02  # between the points by which the nearest face is found, share of the surface's size
@@ -51,7 +51,7 @@ class SurfaceLocator:
 
 
 def corresponding_points(
-    canonical: Shape, sample: Shape, points_canonical: Float[np.ndarray, "m 3"]
+    canonical: ParametricObject, sample: ParametricObject, points_canonical: Float[np.ndarray, "m 3"]
 ) -> tuple[Float[np.ndarray, "m 3"], Bool[np.ndarray, "m"]]:
     """Where points on the canonical surface lie on `sample`.
 
@@ -68,7 +68,7 @@ def corresponding_points(
     return points, (distance < OFF_SURFACE) & canonical.corresponds[corners].all(1)
 
 
-def locator(shape: Shape) -> SurfaceLocator:
+def locator(shape: ParametricObject) -> SurfaceLocator:
     """The locator of a shape's surface, built once."""
     known = shape.__dict__.get("_locator")
     if known is None:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from grasptransfer.workshop.objects.surfaces import Surface
+from grasptransfer.workshop.objects.surfaces import PartSurface
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Part:
     Args:
         name: unique within the shape.
         vertices: (v, 3) metres, object frame.
-        faces, uv, weld, shading: as of `Surface`; faces, weld and shading are the same for all samples.
+        faces, uv, weld, shading: as of `PartSurface`; faces, weld and shading are the same for all samples.
         corresponds: (v,) whether a vertex is the same physical place on every sample.
     """
 
@@ -82,7 +82,7 @@ class Part:
 
     @staticmethod
     def of(
-        name: str, surface: Surface, material: Material, corresponds: Bool[np.ndarray, "v"] | bool = True
+        name: str, surface: PartSurface, material: Material, corresponds: Bool[np.ndarray, "v"] | bool = True
     ) -> "Part":
         """A part made of `surface`.
 
@@ -120,7 +120,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Shape:
+class ParametricObject:
     """One sample of a category, in the category's frame: metres, z up, +x front, centred bounding box.
 
     Args:
@@ -168,7 +168,7 @@ class Shape:
             scene.add_geometry(part.textured(), node_name=part.name, geom_name=part.name)
         return scene
 
-    def towards(self, other: "Shape", share: float) -> "Shape":
+    def towards(self, other: "ParametricObject", share: float) -> "ParametricObject":
         """This shape moved by `share` of the way to `other`; it keeps its own materials."""
 
         def moved(mine: tuple[Part, ...], others: tuple[Part, ...]) -> tuple[Part, ...]:
@@ -183,7 +183,7 @@ class Shape:
 
 def centred(
     category: str, parameters: dict, parts: tuple[Part, ...], contents: tuple[Part, ...] = ()
-) -> Shape:
+) -> ParametricObject:
     """The shape with the centre of its bounding box at the origin.
 
     Args:
@@ -198,4 +198,4 @@ def centred(
     def moved(pieces: tuple[Part, ...]) -> tuple[Part, ...]:
         return tuple(replace(part, vertices=part.vertices - centre) for part in pieces)
 
-    return Shape(category, parameters, moved(parts), moved(contents))
+    return ParametricObject(category, parameters, moved(parts), moved(contents))

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True)
-class Surface:
+class PartSurface:
     """A watertight textured surface.
 
     Args:
@@ -35,7 +35,7 @@ class Surface:
         self,
         translation: Float[np.ndarray, "3"] | Sequence[float] = (0, 0, 0),
         rotation: Float[np.ndarray, "3 3"] | None = None,
-    ) -> "Surface":
+    ) -> "PartSurface":
         """The surface turned by `rotation`, then moved by `translation` [m]."""
         turned = self.vertices if rotation is None else self.vertices @ rotation.T
         return replace(self, vertices=turned + np.asarray(translation, float))
@@ -46,7 +46,7 @@ def tube(
     *,
     v: Float[np.ndarray, "r"] | None = None,
     creases: Sequence[int] = (),
-) -> Surface:
+) -> PartSurface:
     """A surface through `rings`; the first and the last ring are poles (each all one point).
 
     Args:
@@ -60,7 +60,7 @@ def tube(
     closed = np.concatenate([rings, rings[:, :1]], axis=1)
     vertices = closed[order].reshape(-1, 3)
     uv = np.stack(np.broadcast_arrays(u, v[order][:, None]), -1).reshape(-1, 2)
-    return Surface(vertices, faces, uv, weld, shading)
+    return PartSurface(vertices, faces, uv, weld, shading)
 
 
 @lru_cache(maxsize=64)
@@ -100,7 +100,7 @@ def revolve(
     v: Float[np.ndarray, "r"] | None = None,
     creases: Sequence[int] = (),
     start: float = 0.0,
-) -> Surface:
+) -> PartSurface:
     """Turn a profile about z; it begins and ends on the axis.
 
     Args:
@@ -122,7 +122,7 @@ def sweep(
     *,
     side: Sequence[float] = (0.0, 1.0, 0.0),
     v: Float[np.ndarray, "r"] | None = None,
-) -> Surface:
+) -> PartSurface:
     """Sweep `sections` along a path that lies in the plane across `side`, with flat ends.
 
     Args:
@@ -145,7 +145,7 @@ def loft(
     *,
     v: Float[np.ndarray, "r"] | None = None,
     creases: Sequence[int] = (),
-) -> Surface:
+) -> PartSurface:
     """Level outlines [m] stacked along z, with flat ends.
 
     Args:
@@ -229,7 +229,7 @@ def rounded_box(
     edge: int = 4,
     rows: int = 6,
     taper: float = 0.0,
-) -> Surface:
+) -> PartSurface:
     """A box about the origin with round upright edges and filleted rims; +x is at u = 0.5, +y at u = 0.75.
 
     Args:

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from grasptransfer.workshop.building.surface_points import visible_surface, voxel_filter, voxel_for
 from grasptransfer.workshop.objects.correspondence import locator
-from grasptransfer.workshop.objects.shape import Shape
+from grasptransfer.workshop.objects.shape import ParametricObject
 
 CONTROL_POINTS, SURFACE_POINTS = 650, 3000
 
@@ -24,23 +24,23 @@ class CanonicalPoints:
         face, barycentric: (m,) and (m, 3) where the points lie on the model.
     """
 
-    model: Shape
+    model: ParametricObject
     points: Float[np.ndarray, "m 3"]
     control_points: Float[np.ndarray, "n 3"]
     voxel: float
     face: Int[np.ndarray, "m"]
     barycentric: Float[np.ndarray, "m 3"]
 
-    def on(self, shape: Shape) -> Float[np.ndarray, "m 3"]:
+    def on(self, shape: ParametricObject) -> Float[np.ndarray, "m 3"]:
         """The same points on a sample [m]."""
         return np.einsum("mc,mcd->md", self.barycentric, shape.vertices[self.model.faces[self.face]])
 
-    def displacements(self, shape: Shape) -> Float[np.ndarray, "m 3"]:
+    def displacements(self, shape: ParametricObject) -> Float[np.ndarray, "m 3"]:
         """How far the points move to a sample [m]."""
         return self.on(shape) - self.points
 
 
-def surface_of(model: Shape) -> CanonicalPoints:
+def surface_of(model: ParametricObject) -> CanonicalPoints:
     """Points and control points of a canonical shape: ray casting, then voxel filters."""
     points, faces = visible_surface(model.mesh())
     points = points[model.corresponds[model.faces[faces]].all(1)]

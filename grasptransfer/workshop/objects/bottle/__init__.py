@@ -6,22 +6,22 @@ import numpy as np
 
 from grasptransfer.workshop.objects.bottle import finish, parts
 from grasptransfer.workshop.objects.bottle.parameters import BottleParameters
-from grasptransfer.workshop.objects.shape import Part, Shape, centred
+from grasptransfer.workshop.objects.shape import ParametricObject, Part, centred
 
 PARAMETERS = BottleParameters
 
 
-def canonical() -> Shape:
+def canonical() -> ParametricObject:
     """A plain white half-litre bottle with a blue screw cap."""
     return _assemble(BottleParameters(), finish.canonical_materials())
 
 
-def build(parameters: BottleParameters, rng: np.random.Generator) -> Shape:
+def build(parameters: BottleParameters, rng: np.random.Generator) -> ParametricObject:
     """The bottle of these parameters, in materials drawn from `rng`."""
     return _assemble(parameters, finish.draw_materials(parameters, rng))
 
 
-def _assemble(p: BottleParameters, materials: finish.BottleMaterials) -> Shape:
+def _assemble(p: BottleParameters, materials: finish.BottleMaterials) -> ParametricObject:
     body = parts.body(p)
     # The bore lies under the cap of most bottles: no picture shows where its points are.
     seen = np.ones((len(body.vertices) // (parts.COLUMNS + 1), parts.COLUMNS + 1), bool)

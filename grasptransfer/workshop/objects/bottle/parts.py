@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from grasptransfer.workshop.objects.bottle.finish import V_TOP, V_UNDER
 from grasptransfer.workshop.objects.bottle.parameters import BottleParameters
-from grasptransfer.workshop.objects.surfaces import Surface, superellipse, tube
+from grasptransfer.workshop.objects.surfaces import PartSurface, superellipse, tube
 
 COLUMNS, _CAP_COLUMNS = 40, 32
 _ROUND, _BODY, _SHOULDER, _NECK, _LIQUID = 5, 46, 13, 6, 26  # rows of the regions
@@ -71,7 +71,7 @@ def _punt(p: BottleParameters) -> Float[np.ndarray, "r"]:
     return depth * np.clip(1 - (_FACTORS / _FACTORS[-1]) ** 2, 0, 1) ** 0.8
 
 
-def body(p: BottleParameters) -> Surface:
+def body(p: BottleParameters) -> PartSurface:
     shoulder, neck, base, top = _levels(p)
     edge = p.bottom_round * p.half_width * min(1.0, 2 * p.depth)
     lower = edge * (1 - np.cos(np.linspace(0, np.pi / 2, _ROUND + 1)))
@@ -100,7 +100,7 @@ def body(p: BottleParameters) -> Surface:
     return tube(np.concatenate([under, outside, finish]), v=np.maximum.accumulate(np.concatenate(v)))
 
 
-def cap(p: BottleParameters) -> Surface:
+def cap(p: BottleParameters) -> PartSurface:
     radius, z = _cap_profile(p)
     aspect = 1 - p.cap_oval * (1 - p.depth)
     _, _, base, top = _levels(p)
@@ -136,7 +136,7 @@ def _cap_profile(p: BottleParameters) -> tuple[Float[np.ndarray, "r"], Float[np.
     return radius, np.concatenate([[0, 0, 0], side_z, edge_z, dome_z, spout_z])
 
 
-def liquid(p: BottleParameters) -> Surface:
+def liquid(p: BottleParameters) -> PartSurface:
     """The inside up to the level, a wall's thickness off the outside."""
     _, neck, base, _ = _levels(p)
     wall = 0.0012

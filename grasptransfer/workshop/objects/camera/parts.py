@@ -8,7 +8,7 @@ from jaxtyping import Float
 from grasptransfer.workshop.objects.camera.parameters import CameraParameters
 from grasptransfer.workshop.objects.surfaces import (
     ALONG_X,
-    Surface,
+    PartSurface,
     circle,
     loft,
     revolve,
@@ -21,7 +21,7 @@ _DOWN = -np.pi / 2  # seam of what lies along x: at its underside
 _CORNER, _EDGE = 5, 6
 
 
-def body(p: CameraParameters) -> Surface:
+def body(p: CameraParameters) -> PartSurface:
     """The box; u runs by arc length from the middle of the back, so that the front is about u = 0.5."""
     arc = np.linspace(0, np.pi / 2, 6)[:-1]
     half = p.height / 2
@@ -49,7 +49,7 @@ def body(p: CameraParameters) -> Surface:
     return _unrolled(loft(z, sections), sections[8])
 
 
-def _unrolled(surface: Surface, outline: Float[np.ndarray, "c 2"]) -> Surface:
+def _unrolled(surface: PartSurface, outline: Float[np.ndarray, "c 2"]) -> PartSurface:
     """The surface with u by arc length along `outline`."""
     steps = np.linalg.norm(np.diff(outline, axis=0, append=outline[:1]), axis=1)
     u = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
@@ -57,7 +57,7 @@ def _unrolled(surface: Surface, outline: Float[np.ndarray, "c 2"]) -> Surface:
     return replace(surface, uv=np.stack([np.tile(u, rows), surface.uv[:, 1]], -1))
 
 
-def grip(p: CameraParameters) -> Surface:
+def grip(p: CameraParameters) -> PartSurface:
     """What the right hand holds; on slim cameras a ledge."""
     arc = np.linspace(0, np.pi / 2, 5)[:-1]
     low = -p.height / 2 + 0.6 * p.edge
@@ -81,7 +81,7 @@ def grip(p: CameraParameters) -> Surface:
     return loft(z, sections)
 
 
-def hump(p: CameraParameters) -> Surface:
+def hump(p: CameraParameters) -> PartSurface:
     """Housing of the viewfinder's prism over the lens; without one, it hides in the body."""
     top = p.height / 2 + (p.hump_height if p.hump_height > 0 else -0.3 * p.height)
     low = top - max(p.hump_height, 0.004) - min(0.3 * p.height, 0.02)
@@ -98,7 +98,7 @@ def hump(p: CameraParameters) -> Surface:
     return loft(z, sections)
 
 
-def lens(p: CameraParameters) -> Surface:
+def lens(p: CameraParameters) -> PartSurface:
     """Mount, barrel with its ribbed rings, and the rim around the glass; v by the way along the outside."""
     length, recess = p.lens_length, min(p.lens_recess, 0.7 * p.lens_length)
     along = np.array(
@@ -124,7 +124,7 @@ def lens(p: CameraParameters) -> Surface:
     return surface.placed((p.front, p.lens_y, p.lens_z), ALONG_X)
 
 
-def glass(p: CameraParameters) -> Surface:
+def glass(p: CameraParameters) -> PartSurface:
     """The front element."""
     recess = min(p.lens_recess, 0.7 * p.lens_length)
     radius, bulge = 0.64 * p.lens_radius * p.lens_taper, 0.55 * recess
@@ -135,7 +135,7 @@ def glass(p: CameraParameters) -> Surface:
     return revolve(profile, 32, start=_DOWN, creases=(1,)).placed((at, p.lens_y, p.lens_z), ALONG_X)
 
 
-def _knob(radius: float, height: float, columns: int) -> Surface:
+def _knob(radius: float, height: float, columns: int) -> PartSurface:
     """An upright knob that extends 3 mm below its origin."""
     chamfer = min(0.0012, 0.3 * height)
     profile = np.array(
@@ -155,25 +155,25 @@ def _deck(p: CameraParameters, y: float) -> float:
     return p.height / 2 - p.shoulder_drop * (1 - np.sqrt(1 - over**2))
 
 
-def button(p: CameraParameters) -> Surface:
+def button(p: CameraParameters) -> PartSurface:
     """Shutter release, over the grip."""
     y = max(p.grip_y + 0.2 * p.grip_width, p.button_radius + 0.8 * p.shoulder - p.width / 2)
     return _knob(p.button_radius, 0.0026, 24).placed((0.12 * p.depth, y, _deck(p, y - p.button_radius)))
 
 
-def mode_dial(p: CameraParameters) -> Surface:
+def mode_dial(p: CameraParameters) -> PartSurface:
     """Dial on the right of the top; hidden in the body if there is none."""
     y = 0.5 * (p.lens_y - p.hump_width / 2 + p.grip_y) - 0.002
     return _placed_dial(p, y, p.dial_radius, shown=p.dials > 0)
 
 
-def second_dial(p: CameraParameters) -> Surface:
+def second_dial(p: CameraParameters) -> PartSurface:
     """Dial on the left of the top; hidden in the body if there is none."""
     y = 0.5 * (p.lens_y + p.hump_width / 2 + p.width / 2 - 0.5 * p.shoulder)
     return _placed_dial(p, y, 0.9 * p.dial_radius, shown=p.dials > 1)
 
 
-def _placed_dial(p: CameraParameters, y: float, radius: float, *, shown: bool) -> Surface:
+def _placed_dial(p: CameraParameters, y: float, radius: float, *, shown: bool) -> PartSurface:
     outer = y + np.sign(y) * radius
     z = _deck(p, outer) if shown else -p.dial_height
     return _knob(min(radius, 0.42 * p.depth), p.dial_height, 32).placed((-0.1 * p.depth, y, z))
@@ -181,7 +181,7 @@ def _placed_dial(p: CameraParameters, y: float, radius: float, *, shown: bool) -
 
 def _box(
     half_size: tuple[float, float, float], place: tuple[float, float, float], *, shown: bool = True
-) -> Surface:
+) -> PartSurface:
     """A small box; one that is not shown sits in the middle of the body."""
     if not shown:
         half_size, place = tuple(np.minimum(half_size, 0.004)), (0.0, 0.0, 0.0)
@@ -189,7 +189,7 @@ def _box(
     return rounded_box(half_size, radius=2 * fillet, fillet=fillet, corner=3, edge=2, rows=2).placed(place)
 
 
-def flash(p: CameraParameters) -> Surface:
+def flash(p: CameraParameters) -> PartSurface:
     """Window of the flash at the upper left of the front, large on box cameras."""
     large = p.flash == "corner"
     half_y, half_z = (0.014, 0.0085) if large else (0.0085, 0.0038)
@@ -200,27 +200,27 @@ def flash(p: CameraParameters) -> Surface:
     return _box((0.003, half_y, half_z), (p.front - 0.0018, y, z), shown=p.flash != "hump")
 
 
-def window(p: CameraParameters) -> Surface:
+def window(p: CameraParameters) -> PartSurface:
     """Viewfinder window at the top of the front."""
     y = p.lens_y - 0.45 * p.lens_radius
     z = p.height / 2 - p.edge - 0.0065
     return _box((0.003, 0.0062, 0.0042), (p.front - 0.0019, y, z), shown=p.window)
 
 
-def shoe(p: CameraParameters) -> Surface:
+def shoe(p: CameraParameters) -> PartSurface:
     """Hot shoe on top of all."""
     z = p.height / 2 + p.hump_height + 0.0005
     return _box((0.009, 0.0092, 0.0018), (-0.12 * p.depth, p.lens_y, z), shown=p.shoe)
 
 
-def screen(p: CameraParameters) -> Surface:
+def screen(p: CameraParameters) -> PartSurface:
     """Screen at the back."""
     half_y = p.screen * p.width / 2 * 0.8
     half_z = min(0.42 * p.height, 0.75 * half_y)
     return _box((0.0025, half_y, half_z), (-p.front - 0.0002, 0.08 * p.width, -0.03 * p.height))
 
 
-def eyepiece(p: CameraParameters) -> Surface:
+def eyepiece(p: CameraParameters) -> PartSurface:
     """Rubber around the eyepiece at the back of the hump."""
     z = p.height / 2 + 0.25 * p.hump_height
     place = (-0.42 * p.depth - 0.003, p.lens_y, z)

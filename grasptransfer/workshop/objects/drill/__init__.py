@@ -12,24 +12,24 @@ from grasptransfer.workshop.objects.drill import parts
 from grasptransfer.workshop.objects.drill.finish import DrillFinish
 from grasptransfer.workshop.objects.drill.paint import materials
 from grasptransfer.workshop.objects.drill.parameters import DrillParameters
-from grasptransfer.workshop.objects.shape import Part, Shape, centred
+from grasptransfer.workshop.objects.shape import ParametricObject, Part, centred
 
 PARAMETERS = DrillParameters
 # Parts that some drills lack: there they hide inside others.
 _OPTIONAL = ("bit", "speed_switch", "side_handle", "selector", "cord")
 
 
-def build(parameters: DrillParameters, rng: np.random.Generator) -> Shape:
+def build(parameters: DrillParameters, rng: np.random.Generator) -> ParametricObject:
     """A drill of these sizes, finished at random."""
     return _assemble(parameters, DrillFinish.draw(rng))
 
 
-def canonical() -> Shape:
+def canonical() -> ParametricObject:
     """A cordless drill of middling size in orange and black."""
     return _assemble(DrillParameters(), DrillFinish.typical())
 
 
-def _assemble(p: DrillParameters, finish: DrillFinish) -> Shape:
+def _assemble(p: DrillParameters, finish: DrillFinish) -> ParametricObject:
     turn, pivot = parts.pitched(p.pitch), (0.0, 0.0, p.housing_height)
     on_axis = (parts.housing, parts.clutch, parts.chuck, parts.bit, parts.speed_switch, parts.side_handle)
     upright = (parts.handle, parts.trigger, parts.selector, parts.foot, parts.battery, parts.cord)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from grasptransfer.workshop.objects.drill.parameters import DrillParameters
 from grasptransfer.workshop.objects.surfaces import (
     ALONG_X,
-    Surface,
+    PartSurface,
     circle,
     loft,
     revolve,
@@ -43,7 +43,7 @@ def _outline(p: DrillParameters, t: Float[np.ndarray, "r"]) -> tuple[Float[np.nd
     return size * p.body_height / 2, size * p.slimness * p.body_height / 2, middle
 
 
-def housing(p: DrillParameters) -> Surface:
+def housing(p: DrillParameters) -> PartSurface:
     """Motor housing: rounded at the rear, narrower at the front."""
     corner = np.linspace(0, np.pi / 2, 6)[:-1]
     rounding = min(p.rear_round, p.body_height * 0.45)
@@ -61,7 +61,7 @@ def _front(p: DrillParameters) -> tuple[float, float]:
     return p.body_length - p.overhang, p.front_size * p.slimness * p.body_height / 2
 
 
-def clutch(p: DrillParameters) -> Surface:
+def clutch(p: DrillParameters) -> PartSurface:
     """Ring of the torque clutch."""
     start, front = _front(p)
     radius = max(p.clutch_size * front, p.chuck_radius * 1.04)
@@ -75,7 +75,7 @@ def clutch(p: DrillParameters) -> Surface:
     return revolve(profile, 48, section=sections, v=v, creases=(1, 9)).placed(rotation=ALONG_X)
 
 
-def chuck(p: DrillParameters) -> Surface:
+def chuck(p: DrillParameters) -> PartSurface:
     """Keyless chuck: two ribbed sleeves, a tapered nose with a hole."""
     start = _front(p)[0] + p.clutch_length - 0.004
     along = np.array(
@@ -98,7 +98,7 @@ def chuck(p: DrillParameters) -> Surface:
     return revolve(profile, 48, section=sections, v=v, creases=(1, 5, 13)).placed(rotation=ALONG_X)
 
 
-def bit(p: DrillParameters) -> Surface:
+def bit(p: DrillParameters) -> PartSurface:
     """A screwdriver bit."""
     tip = p.chuck_tip
     start = tip - 0.12 * p.chuck_length - 0.004
@@ -109,7 +109,7 @@ def bit(p: DrillParameters) -> Surface:
     return revolve(np.stack([radius * size, start + (end - start) * along], -1), 12).placed(rotation=ALONG_X)
 
 
-def speed_switch(p: DrillParameters) -> Surface:
+def speed_switch(p: DrillParameters) -> PartSurface:
     """Gear switch on top of the housing."""
     t = np.array([0.45])
     half_height, _, middle = _outline(p, t)
@@ -119,7 +119,7 @@ def speed_switch(p: DrillParameters) -> Surface:
     )
 
 
-def side_handle(p: DrillParameters) -> Surface:
+def side_handle(p: DrillParameters) -> PartSurface:
     """Auxiliary handle towards +y."""
     reach = p.side_handle if p.side_handle > 0 else 0.3 * p.slimness * p.body_height
     share = 1.0 if p.side_handle > 0 else 0.3
@@ -131,7 +131,7 @@ def side_handle(p: DrillParameters) -> Surface:
     return revolve(profile, 24).placed((start, 0, -0.1 * p.body_height), sideways)
 
 
-def handle(p: DrillParameters) -> Surface:
+def handle(p: DrillParameters) -> PartSurface:
     """Pistol grip, widening into the housing and forward above the trigger."""
     s = np.linspace(0, 1, 22)
     low, high = p.foot_height - 0.004, p.housing_height - 0.1 * p.body_height
@@ -151,7 +151,7 @@ def handle(p: DrillParameters) -> Surface:
     return loft(z, sections)
 
 
-def trigger(p: DrillParameters) -> Surface:
+def trigger(p: DrillParameters) -> PartSurface:
     """Trigger, hollow in front."""
     s = np.linspace(0, 1, 11)
     high = p.foot_height + p.handle_length - 0.003
@@ -164,7 +164,7 @@ def trigger(p: DrillParameters) -> Surface:
     return loft(z, sections)
 
 
-def selector(p: DrillParameters) -> Surface:
+def selector(p: DrillParameters) -> PartSurface:
     """Reversing switch: a bar across the handle."""
     z = p.foot_height + p.handle_length - 0.002
     box = rounded_box(
@@ -178,7 +178,7 @@ def _foot_ends(p: DrillParameters) -> tuple[float, float]:
     return p.foot_front - p.foot_length, p.foot_front
 
 
-def _tilted(p: DrillParameters, surface: Surface, lean: Float[np.ndarray, "v"]) -> Surface:
+def _tilted(p: DrillParameters, surface: PartSurface, lean: Float[np.ndarray, "v"]) -> PartSurface:
     """Shear the foot along z by the joint's slope (as far as `lean` says) and by its tilt."""
     along = surface.vertices[:, 0] - p.handle_x(p.foot_height)
     rise = np.tan(np.radians(p.foot_tilt)) - p.foot_slope * lean
@@ -186,7 +186,7 @@ def _tilted(p: DrillParameters, surface: Surface, lean: Float[np.ndarray, "v"]) 
     return replace(surface, vertices=surface.vertices + lift)
 
 
-def foot(p: DrillParameters) -> Surface:
+def foot(p: DrillParameters) -> PartSurface:
     """Shell between handle and battery."""
     rear, front = _foot_ends(p)
     q = np.concatenate([[0.0, 0.06], np.linspace(0.15, 1.0, 11)])
@@ -208,7 +208,7 @@ def foot(p: DrillParameters) -> Surface:
     return _tilted(p, surface, 1 - smooth_step(0.1, 0.9, share))
 
 
-def battery(p: DrillParameters) -> Surface:
+def battery(p: DrillParameters) -> PartSurface:
     """Battery, or the base plate of drills without one."""
     rear, front = _foot_ends(p)
     fillet = min(0.006, 0.4 * p.battery_height)
@@ -223,7 +223,7 @@ def battery(p: DrillParameters) -> Surface:
     return _tilted(p, surface, surface.vertices[:, 2] / p.battery_height)
 
 
-def cord(p: DrillParameters) -> Surface:
+def cord(p: DrillParameters) -> PartSurface:
     """Sleeve of the cord at the heel."""
     s = np.linspace(0, 1, 12)
     if p.cord > 0:

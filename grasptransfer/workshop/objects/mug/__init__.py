@@ -10,23 +10,23 @@ import numpy as np
 
 from grasptransfer.workshop.objects.mug import finish, parts
 from grasptransfer.workshop.objects.mug.parameters import MugParameters
-from grasptransfer.workshop.objects.shape import Part, Shape, centred
+from grasptransfer.workshop.objects.shape import ParametricObject, Part, centred
 
 PARAMETERS = MugParameters
 
 
-def canonical() -> Shape:
+def canonical() -> ParametricObject:
     """A plain cylindrical mug of the usual size with a D-shaped handle."""
     material = finish.canonical_materials()
     return _assemble(MugParameters(), material)
 
 
-def build(parameters: MugParameters, rng: np.random.Generator) -> Shape:
+def build(parameters: MugParameters, rng: np.random.Generator) -> ParametricObject:
     """The mug of these parameters, in materials drawn from `rng`."""
     return _assemble(parameters, finish.draw_materials(parameters, rng))
 
 
-def _assemble(p: MugParameters, materials: finish.MugMaterials) -> Shape:
+def _assemble(p: MugParameters, materials: finish.MugMaterials) -> ParametricObject:
     handle = parts.handle(p)
     # The ends of the bar lie inside the wall, where no picture or scan ever sees them.
     buried = np.zeros((2 * parts.HANDLE_QUARTER + 5, parts.HANDLE_RING + 1), bool)

@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from grasptransfer.workshop.objects.mug.finish import V_INSIDE, V_OUTSIDE, V_RIM, V_UNDER
 from grasptransfer.workshop.objects.mug.parameters import MugParameters
-from grasptransfer.workshop.objects.surfaces import Surface, resample, revolve, superellipse, sweep, tube
+from grasptransfer.workshop.objects.surfaces import PartSurface, resample, revolve, superellipse, sweep, tube
 
 COLUMNS = 48
 _ROUND, _WALL, _RIM, _INSIDE, _FLOOR = 5, 28, 5, 11, 5  # rows of the body's regions
@@ -27,7 +27,7 @@ def _bands(p: MugParameters, z: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"
     return p.band_size * sum((np.exp(-(((z / p.height - c) / 0.03) ** 4)) for c in centres), np.zeros_like(z))
 
 
-def body(p: MugParameters) -> Surface:
+def body(p: MugParameters) -> PartSurface:
     profile, v = _body_profile(p)
     return revolve(profile, COLUMNS, section=superellipse(COLUMNS, 1, 1, p.square), v=v)
 
@@ -80,7 +80,7 @@ def _inside_profile(p: MugParameters) -> Float[np.ndarray, "r 2"]:
     return np.concatenate([wall, bottom, [[0.5 * bottom[-1, 0], floor], [0, floor]]])
 
 
-def drink(p: MugParameters) -> Surface:
+def drink(p: MugParameters) -> PartSurface:
     """What is in the mug: the inside up to the level, a hair off the wall."""
     profile = _inside_profile(p)[::-1].copy()
     bottom = profile[0, 1]
@@ -117,7 +117,7 @@ def _handle_path(p: MugParameters) -> Float[np.ndarray, "r 3"]:
     return np.stack([x, np.zeros(len(x)), line[:, 1]], -1)
 
 
-def handle(p: MugParameters) -> Surface:
+def handle(p: MugParameters) -> PartSurface:
     path = _handle_path(p)
     along = np.linspace(-1, 1, len(path))
     size = 1 - p.pinch * (1 - along**2) + p.root * np.abs(along) ** 8

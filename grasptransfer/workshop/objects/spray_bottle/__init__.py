@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from grasptransfer.workshop.objects.shape import Part, Shape, centred
+from grasptransfer.workshop.objects.shape import ParametricObject, Part, centred
 from grasptransfer.workshop.objects.spray_bottle import parts
 from grasptransfer.workshop.objects.spray_bottle.finish import SprayBottleFinish
 from grasptransfer.workshop.objects.spray_bottle.parameters import SprayBottleParameters
@@ -12,17 +12,17 @@ from grasptransfer.workshop.objects.spray_bottle.parameters import SprayBottlePa
 PARAMETERS = SprayBottleParameters
 
 
-def build(parameters: SprayBottleParameters, rng: np.random.Generator) -> Shape:
+def build(parameters: SprayBottleParameters, rng: np.random.Generator) -> ParametricObject:
     """A spray bottle of these sizes, finished at random."""
     return _assemble(parameters, SprayBottleFinish.draw(rng))
 
 
-def canonical() -> Shape:
+def canonical() -> ParametricObject:
     """A white oval bottle of middling size with a blue head."""
     return _assemble(SprayBottleParameters(), SprayBottleFinish.typical())
 
 
-def _assemble(p: SprayBottleParameters, finish: SprayBottleFinish) -> Shape:
+def _assemble(p: SprayBottleParameters, finish: SprayBottleFinish) -> ParametricObject:
     materials = finish.materials((p.half_x, p.half_y, p.body_height), p.shoulder)
     outside = (parts.body, parts.collar, parts.stem, parts.head, parts.nozzle, parts.lever)
     inside = (parts.liquid, parts.dip_tube)

@@ -6,7 +6,7 @@ from jaxtyping import Float
 from grasptransfer.workshop.objects.spray_bottle.parameters import SprayBottleParameters
 from grasptransfer.workshop.objects.surfaces import (
     ALONG_X,
-    Surface,
+    PartSurface,
     circle,
     loft,
     revolve,
@@ -69,12 +69,12 @@ def _edge(
     return grip + (belly - grip) * fall
 
 
-def body(p: SprayBottleParameters) -> Surface:
+def body(p: SprayBottleParameters) -> PartSurface:
     """The bottle up into the collar; u = 0 in front, 0.25 on the left (+y)."""
     return loft(*_outline(p))
 
 
-def liquid(p: SprayBottleParameters) -> Surface:
+def liquid(p: SprayBottleParameters) -> PartSurface:
     """What is in it, up to its level."""
     z, sections = _outline(p)
     level = max(p.level * p.body_height, 0.02)
@@ -85,14 +85,14 @@ def liquid(p: SprayBottleParameters) -> Surface:
     return loft(heights, middle + 0.955 * (inside - middle), creases=(23,))
 
 
-def dip_tube(p: SprayBottleParameters) -> Surface:
+def dip_tube(p: SprayBottleParameters) -> PartSurface:
     """The tube that sucks from the bottom."""
     s = np.linspace(0, 1, 14)
     path = np.stack([0.35 * p.half_x * (1 - s) ** 2, 0 * s, 0.006 + (p.body_height - 0.004) * s], -1)
     return sweep(path, np.broadcast_to(0.0026 * circle(10), (14, 10, 2)))
 
 
-def collar(p: SprayBottleParameters) -> Surface:
+def collar(p: SprayBottleParameters) -> PartSurface:
     """The ribbed screw ring."""
     along = np.array([0, 0, 0.06, 0.12, 0.5, 0.85, 0.94, 1, 1])
     size = np.array([0, 1.2, 1.26, 1.26, 1.24, 1.2, 1.12, 1.02, 0])
@@ -102,7 +102,7 @@ def collar(p: SprayBottleParameters) -> Surface:
     return revolve(profile, 48, section=sections, creases=(1, 7))
 
 
-def stem(p: SprayBottleParameters) -> Surface:
+def stem(p: SprayBottleParameters) -> PartSurface:
     """From the collar up into the head."""
     low, high = p.body_height + 0.8 * p.collar_height, p.head_z + 0.45 * p.head_height
     s = np.linspace(0, 1, 9)
@@ -111,7 +111,7 @@ def stem(p: SprayBottleParameters) -> Surface:
     return loft(low + (high - low) * s, superellipse(28, half_x, half_y, 2.3))
 
 
-def head(p: SprayBottleParameters) -> Surface:
+def head(p: SprayBottleParameters) -> PartSurface:
     """The trigger head's shroud, from its round rear to the nose."""
     corner = np.linspace(0.12, np.pi / 2, 6)[:-1]
     rear = min(0.012, 0.6 * p.head_rear)
@@ -136,7 +136,7 @@ def head(p: SprayBottleParameters) -> Surface:
     return loft(x, sections).placed(rotation=ALONG_X)
 
 
-def nozzle(p: SprayBottleParameters) -> Surface:
+def nozzle(p: SprayBottleParameters) -> PartSurface:
     """The turning cap in front, with its hole."""
     along = np.array([-0.3, -0.3, 0.0, 0.04, 0.1, 0.9, 0.97, 1.0, 1.0, 0.8, 0.8])
     size = np.array([0, 0.8, 0.8, 0.8, 1.0, 0.94, 0.9, 0.82, 0.34, 0.3, 0])
@@ -146,7 +146,7 @@ def nozzle(p: SprayBottleParameters) -> Surface:
     return surface.placed((0, 0, p.nozzle_z))
 
 
-def lever(p: SprayBottleParameters) -> Surface:
+def lever(p: SprayBottleParameters) -> PartSurface:
     """The trigger: a bowed strip that hangs below the nose."""
     s = np.linspace(0, 1, 14)
     lean = np.radians(p.lever_lean)
