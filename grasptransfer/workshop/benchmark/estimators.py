@@ -1,6 +1,6 @@
 """The estimators that are compared, by name; `gt` is the bound that true offsets give."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +64,12 @@ NOT_BY_DEFAULT = ("rgbd",)  # It repeats the work of rgb, so it is measured only
 DEFAULT = tuple(name for name in OF_SHAPES if name not in NOT_BY_DEFAULT)
 METHODS = tuple(name for name in DEFAULT if not OF_SHAPES[name].bound)
 OF_DEPTH = tuple(name for name, spec in ESTIMATORS.items() if spec.needs_depth)
+
+
+def shown_to(name: str, together: Observation) -> Observation:
+    """Of pictures seen together the first alone, for an estimator that takes no more."""
+    several = name in ESTIMATORS and ESTIMATORS[name].several_pictures
+    return together if several else replace(together, further=())
 
 
 @dataclass

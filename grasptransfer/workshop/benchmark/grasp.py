@@ -20,7 +20,7 @@ from grasptransfer.result import TransferredGrasp, TransferResult
 from grasptransfer.simulation import load_protocol, simulate
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
-from grasptransfer.workshop.benchmark.estimators import DEFAULT, OF_GRASPS, EstimatorSet
+from grasptransfer.workshop.benchmark.estimators import DEFAULT, OF_GRASPS, EstimatorSet, shown_to
 from grasptransfer.workshop.benchmark.given_poses import GivenPoses
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.options import (
@@ -28,10 +28,12 @@ from grasptransfer.workshop.benchmark.options import (
     Meshes,
     Methods,
     Said,
+    Together,
     Told,
     Views,
     name_trained,
 )
+from grasptransfer.workshop.benchmark.placed_boxes import PlacedScores, PlacedTruth, mean_shares
 from grasptransfer.workshop.benchmark.reliability import Chance, summarise_chances
 from grasptransfer.workshop.benchmark.seen_instances import (
     Instance,
@@ -60,6 +62,7 @@ class GraspSettings:
     meshes: Meshes = None
     objects: int = 0
     views: Views = 12
+    views_together: Together = 1
     gripper: GripperName = "panda"
     protocol: Protocol = "lift-shake-v1"
     seed: int = 0
@@ -69,7 +72,7 @@ class GraspSettings:
 
     def __post_init__(self):
         name_trained(self)
-        check_counts(self)
+        check_counts(self, "views_together")
         GivenPoses.of(self.told, self.pose_sigma)
 
 
@@ -120,6 +123,7 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
     gripper = load_gripper(settings.gripper)
     given = GivenPoses.of(settings.told, settings.pose_sigma)
     outcomes: dict[str, list[Outcome]] = defaultdict(list)
+    placed = PlacedScores(PlacedTruth.of(instance.solid))
     with Renderer() as renderer:
         kit = EstimatorSet(refine_pose=True, registry=OF_GRASPS)
         estimators = kit.of(instance, settings.estimators)
@@ -129,15 +133,26 @@ def _measure_instance(settings: GraspSettings, category: str, name: str) -> dict
         }
         for viewpoint in viewpoints_of(name, settings.views):
             observation, pose = observe_instance(
-                instance, viewpoint, renderer=renderer, noise=given, seed=settings.seed
+                instance,
+                viewpoint,
+                renderer=renderer,
+                noise=given,
+                seed=settings.seed,
+                pictures=settings.views_together,
             )
             for key, flow in flows.items():
-                seen = replace(observation, camera_from_object=pose) if OF_GRASPS[key].bound else observation
+                seen = shown_to(key, observation)
+                seen = replace(seen, camera_from_object=pose) if OF_GRASPS[key].bound else seen
                 result = flow.grasp(seen, flow.estimator(seen))
+                if key == "rgb":
+                    placed.add(result, pose)
                 outcomes[key].append(
                     execute(result, pose, instance.solid, protocol=settings.protocol, seed=settings.seed)
                 )
-    return {"rows": [_row(instance, key, views) for key, views in outcomes.items()]}
+    rows = {key: _row(instance, key, views) for key, views in outcomes.items()}
+    if "rgb" in rows:
+        rows["rgb"] |= placed.summary()
+    return {"rows": list(rows.values())}
 
 
 @dataclass(frozen=True)
@@ -252,6 +267,7 @@ def _summary(rows: list[dict], settings: GraspSettings) -> dict:
         top = sum(row["top1"] * row["views"] for row in group)
         summary[f"top1_where_usable_{name}"] = top / (views - without) if views > without else None
         summary |= summarise_chances(name, *_chances(group))
+    summary |= mean_shares(rows)
     if "rgb" in settings.estimators:
         summary["usable_precision"] = summary["usable_precision_rgb"]
         for other in {"rigid", "similarity"} & set(settings.estimators):

@@ -6,13 +6,14 @@ own box (Zhang et al., LaPose, ECCV 2024). Of a body of revolution, such as most
 axis does not count (Wang et al., NOCS, CVPR 2019), nor does any other that leaves the object as it looks.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from grasptransfer.result import TransferResult
 from grasptransfer.workshop.benchmark.pose_errors import pose_error, symmetry_turns
 
 Bounds = Float[np.ndarray, "2 3"]
@@ -32,6 +33,17 @@ class PlacedScore:
     degrees: float
     iou: float
     niou: float
+
+
+# What counts as well placed, by its name in summaries.
+LIMITS: dict[str, Callable[[PlacedScore], bool]] = {
+    "iou50": lambda score: score.iou >= 0.5,
+    "iou75": lambda score: score.iou >= 0.75,
+    "niou50": lambda score: score.niou >= 0.5,
+    "niou75": lambda score: score.niou >= 0.75,
+    "deg10_cm10": lambda score: score.degrees <= 10 and score.millimetres <= 100,
+    "deg5_cm5": lambda score: score.degrees <= 5 and score.millimetres <= 50,
+}
 
 
 @dataclass(frozen=True)
@@ -68,30 +80,52 @@ class PlacedTruth:
         return PlacedScore(1e3 * error.metres, error.degrees, error.iou, normalised.iou)
 
 
+@dataclass
+class PlacedScores:
+    """Scores of transfers of one object, before and after the pose was refined.
+
+    Before, the canonical model stands at the given pose.
+    """
+
+    truth: PlacedTruth
+    before: list[PlacedScore] = field(default_factory=list)
+    after: list[PlacedScore] = field(default_factory=list)
+
+    def add(self, result: TransferResult, true: Float[np.ndarray, "4 4"]) -> None:
+        """Add a transfer whose true `camera_from_object` [m] is known."""
+        given, canonical = result.observation.camera_from_object, result.category.canonical.bounds
+        self.before.append(self.truth.score(given, np.asarray(canonical), true))
+        self.after.append(self.truth.score(result.camera_from_object, np.asarray(result.mesh.bounds), true))
+
+    def summary(self) -> dict[str, float]:
+        """Shares within the usual limits, after refinement and before."""
+        return summarise_placed(self.after) | summarise_placed(self.before, "_before")
+
+
+def mean_shares(rows: Sequence[dict]) -> dict[str, float]:
+    """Means of the rows' shares within the usual limits; rows without them do not count."""
+    means = {}
+    for name in (*LIMITS, *(f"{name}_before" for name in LIMITS)):
+        values = [row[name] for row in rows if row.get(name) is not None]
+        if values:
+            means[name] = float(np.mean(values))
+    return means
+
+
 def bounds_of(points: Float[np.ndarray, "m 3"]) -> Bounds:
     """Corners of the box around points."""
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def summarise_placed(scores: Sequence[PlacedScore], when: str = "") -> dict[str, float]:
-    """Means, and shares within the usual limits.
+    """Shares within the usual limits.
 
     Args:
         when: ending of every name, such as "_before".
     """
-    shift, turn, iou, niou = (
-        np.array([getattr(score, name) for score in scores])
-        for name in ("millimetres", "degrees", "iou", "niou")
-    )
-    found = {
-        "iou50": iou >= 0.5,
-        "iou75": iou >= 0.75,
-        "niou50": niou >= 0.5,
-        "niou75": niou >= 0.75,
-        "deg10_cm10": (turn <= 10) & (shift <= 100),
-        "deg5_cm5": (turn <= 5) & (shift <= 50),
+    return {
+        f"{name}{when}": float(np.mean([holds(score) for score in scores])) for name, holds in LIMITS.items()
     }
-    return {f"{name}{when}": float(np.mean(values)) for name, values in found.items()}
 
 
 def _divided(pose: Float[np.ndarray, "4 4"], size: float) -> Float[np.ndarray, "4 4"]:

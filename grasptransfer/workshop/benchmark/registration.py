@@ -10,10 +10,10 @@ import numpy as np
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import SettingsError
 from grasptransfer.options import check_counts
-from grasptransfer.perception.estimators import ESTIMATORS, check_estimators
+from grasptransfer.perception.estimators import check_estimators
 from grasptransfer.perception.observation import Observation
 from grasptransfer.workshop.benchmark.document import document
-from grasptransfer.workshop.benchmark.estimators import DEFAULT, METHODS, OF_SHAPES, EstimatorSet
+from grasptransfer.workshop.benchmark.estimators import DEFAULT, METHODS, OF_SHAPES, EstimatorSet, shown_to
 from grasptransfer.workshop.benchmark.given_poses import EXACT, GivenPoses
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.judge import Judge
@@ -174,12 +174,10 @@ def measure_registration(settings: RegistrationSettings, category: str, name: st
 
 def _asked(settings: RegistrationSettings, together: Observation) -> Iterator[tuple[str, str, Observation]]:
     """Each method with what it sees, by the name of its scores: one picture where it takes no more."""
-    alone = replace(together, further=())
     for method in settings.methods:
-        several = method in ESTIMATORS and ESTIMATORS[method].several_pictures
-        yield method, method, together if several else alone
+        yield method, method, shown_to(method, together)
         if method == "rgb" and settings.views_together > 1:
-            yield ONE_VIEW, method, alone
+            yield ONE_VIEW, method, replace(together, further=())
 
 
 def _of_rgb(row: dict, scores: dict[str, MethodScores], placed: dict[str, list[PlacedScore]]) -> dict:

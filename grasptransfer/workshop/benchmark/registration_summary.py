@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from grasptransfer.workshop.benchmark.errors_of_shape import ShapeError
+from grasptransfer.workshop.benchmark.placed_boxes import mean_shares
 
 ONE_VIEW = "rgb_one_view"  # in the rows: rgb on the first of several pictures alone
 # Of rgb, one number a row.
 OF_RGB = ("rgb_mask_iou", "pose_error_before_mm", "pose_error_after_mm", "pose_error_after_one_view_mm",
           "pose_error_before_deg", "pose_error_after_deg", "pose_error_after_one_view_deg")  # fmt: skip
-SHARES = ("iou50", "iou75", "niou50", "niou75", "deg10_cm10", "deg5_cm5")
 TIE = 1.1  # Errors within ten per cent of those of CLS count as equally good.
 
 
@@ -82,7 +82,8 @@ def _means(rows: list[dict]) -> dict[str, float]:
             values = [row[name][score] for row in rows if name in row and score in row[name]]
             if values:
                 means[f"{name}_{score}"] = float(np.mean(values))
-    for key in (*OF_RGB, *SHARES, *(f"{name}_before" for name in SHARES)):
+    means |= mean_shares(rows)
+    for key in OF_RGB:
         values = [row[key] for row in rows if key in row]
         if values:
             means["rgb_mask_iou_mean" if key == "rgb_mask_iou" else key] = float(np.mean(values))
