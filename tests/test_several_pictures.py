@@ -127,10 +127,13 @@ def test_separate_poses_are_each_put_right():
 
 def test_weights_are_those_of_the_best_mean():
     along, across = np.array([1.0, 0, 0]), np.array([0.0, 0, 1.0])
-    np.testing.assert_allclose(weights_of(np.stack([along])), [1.0])
+    assert weights_of(along[None]).tolist() == [1.0]
     np.testing.assert_allclose(weights_of(np.stack([along] * 3)), [1 / 3] * 3, atol=1e-9)
-    opposite = weights_of(np.stack([along, -along])).sum()
-    assert weights_of(np.stack([along, across])).sum() < opposite < 2 / (1 + COMMON)
+    aside = np.array([np.cos(0.2), np.sin(0.2), 0.0])
+    sums = [weights_of(np.stack([along, other])).sum() for other in (along, aside, -along, across)]
+    # The same side, nearly the same, its mirror image, and the farthest from both.
+    assert sums == sorted(sums)
+    assert sums[-1] < 2 / (1 + COMMON)
     assert share_of_new(along[None], along[None]) < 0.01 < share_of_new(along[None], across[None]) < 1
 
 

@@ -5,13 +5,19 @@ better than the poses themselves, and one error of the object's pose is common t
 that in the first picture, and sees it in picture i through the known `camera_i_from_first`. Otherwise each
 picture has a pose of its own that errs by itself.
 
-What the network reads wrongly in one picture it reads wrongly from nearby, too. Errors from two directions at
-an angle a go together by
+What the network reads wrongly in one picture it reads wrongly from nearby, too, and opposite sides have the
+same outline. Errors from two directions at an angle a go together by
 
-    r(a) = COMMON + (1 - COMMON) exp(-a / APART)
+    r(a) = COMMON + (1 - COMMON) exp(-a / APART) + MIRRORED (exp(-(pi - a) / APART) - exp(-pi / APART))
 
 and the pictures count with the weights K^-1 1 of the best linear mean of measurements with correlations
-K_ij = r(a_ij): one picture counts 1, and so do two copies of one; two from far apart count 2 / (1 + COMMON).
+K_ij = r(a_ij): one picture counts 1, and so do two copies of one; two at 45 degrees count 4/3 together.
+
+Measured on 15 random shapes of all categories, neither train nor test instances, with poses that err as those
+of
+real estimators do: errors of the first six modes go together by 0.96 at 1 degree, 0.80 at 15, 0.50 at 45,
+0.38 at 90 and 0.65 at 180. On 10 others, two pictures at 45 degrees then cover the truth as often as one
+does: 90 % intervals hold 78 % of the modes with both (with one: 78 %; were each to count fully: 70 %).
 """
 
 from dataclasses import dataclass
@@ -23,7 +29,7 @@ from grasptransfer.errors import SettingsError
 
 MOVED_CAMERA, SEPARATE = "moved camera", "separate"
 VIEWS = (MOVED_CAMERA, SEPARATE)
-COMMON, APART = 0.3, np.deg2rad(30)
+COMMON, MIRRORED, APART = 0.3, 0.3, np.deg2rad(35)
 LEAST_NEW = 1e-3  # share of a picture that adds nothing to earlier ones: some errors are of the moment
 
 
@@ -68,7 +74,8 @@ def weights_of(directions: Float[np.ndarray, "b 3"]) -> Float[np.ndarray, "b"]:
     cosine = np.clip(directions @ directions.T, -1.0, 1.0)
     # Copies differ by the last digits of a float alone, for which the inverse must not tell them apart.
     angle = np.where(cosine > 1 - 1e-12, 0.0, np.arccos(cosine))
-    together = COMMON + (1 - COMMON) * np.exp(-angle / APART)
+    mirrored = np.exp(-(np.pi - angle) / APART) - np.exp(-np.pi / APART)
+    together = COMMON + (1 - COMMON) * np.exp(-angle / APART) + MIRRORED * mirrored
     return np.maximum(np.linalg.pinv(together, rcond=1e-9, hermitian=True).sum(axis=1), 0.0)
 
 
