@@ -239,13 +239,18 @@ class TransferResult:
 
     @property
     def category_score(self) -> float | None:
-        """1 = fits the category, 0 = does not; None where the estimator does not judge it."""
+        """Chance that the picture shows the category as pose, camera and box say, or None: not judged."""
         return self.estimate.category_score
 
     @property
     def status(self) -> EstimateStatus:
         """Outcome of the shape estimate."""
         return self.estimate.status
+
+    @property
+    def advice(self) -> str:
+        """What to do: the advice of the status, and what seems to be wrong with the input."""
+        return self.estimate.advice
 
     def to_isaac_grasp(self, path: str | Path) -> Path:
         """Write the usable grasps as isaac_grasp YAML, object frame, TCP.

@@ -148,7 +148,7 @@ def test_a_picture_without_the_category_gives_no_usable_grasp(picture):
     flow = gt.GraspTransfer("mug")
     seen, black = (flow.transfer(image, POSE, camera=CAMERA) for image in (picture[0], 0 * picture[0]))
     assert seen.usable
-    assert black.status is EstimateStatus.OUT_OF_CATEGORY
+    assert black.status is EstimateStatus.NOTHING_SEEN
     assert not black.usable
     assert any("hardly shows" in grasp.reason for grasp in black.grasps)
 

@@ -24,6 +24,15 @@ def union(a: Box, b: Box) -> Box:
     return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
 
 
+def overlap(a: Box, b: Box) -> float:
+    """Intersection over union of two boxes; 0 where they do not meet."""
+    width, height = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    if width <= 0 or height <= 0:
+        return 0.0
+    areas = [(box[2] - box[0]) * (box[3] - box[1]) for box in (a, b)]
+    return width * height / (sum(areas) - width * height)
+
+
 def enlarge(box: Box, factor: float) -> Box:
     """The box about the same centre with sides `factor` times as long."""
     u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2

@@ -14,14 +14,18 @@ from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_prior import PoseDeviation
 from grasptransfer.registration import DeformationField
 
-NAMED_RIGHT = 0.95  # share of the pictures that show the category they are said to show
+NAMED_RIGHT = 0.95  # share of the pictures that show what they are said to show, as they are said to show it
 
 
 class EstimateStatus(enum.Enum):
     """Outcome of a shape estimate; `advice` says what to do about it."""
 
     OK = "ok"
+    NOTHING_SEEN = "nothing_seen"
     OUT_OF_CATEGORY = "out_of_category"
+    POSE_TURNED = "pose_turned"
+    IMPOSSIBLE_SIZE = "impossible_size"
+    BOX_MISPLACED = "box_misplaced"
     NOT_CONVERGED = "not_converged"
 
     @property
@@ -29,7 +33,14 @@ class EstimateStatus(enum.Enum):
         """One sentence for the user."""
         return {
             EstimateStatus.OK: "The instance was reconstructed.",
+            EstimateStatus.NOTHING_SEEN: "No object is seen where the pose and the box say: check picture, "
+            "pose, camera and box.",
             EstimateStatus.OUT_OF_CATEGORY: "This does not look like the category: check category and pose.",
+            EstimateStatus.POSE_TURNED: "The picture contradicts the given pose: check the axes of "
+            "object and camera.",
+            EstimateStatus.IMPOSSIBLE_SIZE: "No object of the category is as large or small: check the "
+            "pose's distance, its unit, and the camera's focal length.",
+            EstimateStatus.BOX_MISPLACED: "Box and pose contradict each other, or the picture: check both.",
             EstimateStatus.NOT_CONVERGED: "The fit did not settle: check the pose, or give a mask.",
         }[self]
 
@@ -45,9 +56,11 @@ class ShapeEstimate:
         covariance: (6 + k, 6 + k) joint posterior of turn about the object's origin [rad] and shift [m],
             camera axes, and `latent`; 0 where a pose was taken as given.
         mask: (h, w) pixels of the object in the first picture: the given mask, or else the predicted one.
-        category_score: chance that the object is of the category, had own objects and strangers been alike
-            likely before, in [0, 1]; None where the estimator does not judge it.
+        category_score: chance that the picture shows an object of the category as pose, camera and box say,
+            had right and wrong inputs been alike likely before, in [0, 1]; None where the estimator does not
+            judge it.
         status: outcome.
+        warning: what seems to be wrong with the input, one sentence, or None.
         pose_sigma_prior: how sure the given pose was taken to be; None where it was not asked.
         posterior: what the next picture may take for known (`earlier` of its observation); None where the
             estimator keeps nothing.
@@ -61,13 +74,19 @@ class ShapeEstimate:
     mask: Bool[np.ndarray, "h w"] | None = None
     category_score: float | None = None
     status: EstimateStatus = EstimateStatus.OK
+    warning: str | None = None
     pose_sigma_prior: PoseDeviation | None = None
     posterior: ObjectPosterior | None = None
     timings: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
+    def advice(self) -> str:
+        """What to do, in a sentence or two: of the status, and of the warning."""
+        return self.status.advice if self.warning is None else f"{self.status.advice} {self.warning}"
+
+    @property
     def trust(self) -> float:
-        """Chance that the object is of the named category: that is mostly right, before one looks."""
+        """Chance that category, pose and box are right, as they mostly are before the picture is seen."""
         if self.category_score is None:
             return 1.0
         own, stranger = NAMED_RIGHT * self.category_score, (1 - NAMED_RIGHT) * (1 - self.category_score)

@@ -1,15 +1,12 @@
 """The RGB estimator: zoom and network on each picture; shape and pose from all of them together."""
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
-from PIL import Image
+from jaxtyping import Float
 from scipy.special import expit
 
-from grasptransfer.camera import Camera
 from grasptransfer.category import Category
 from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.drawing.visible import visible_mask
@@ -17,51 +14,30 @@ from grasptransfer.errors import PoseError
 from grasptransfer.frames import transform_points
 from grasptransfer.jobs import single_blas_thread
 from grasptransfer.perception.answering import load_answering
-from grasptransfer.perception.arrangement import arrange
-from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
-from grasptransfer.perception.confidence import Evidence, evidence
-from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
+from grasptransfer.perception.arrangement import Arrangement, arrange
+from grasptransfer.perception.canonical_view import view_canonical
+from grasptransfer.perception.estimate import ShapeEstimate
+from grasptransfer.perception.explanation import reconsider
+from grasptransfer.perception.look import Look, latent_prior
 from grasptransfer.perception.network_input import network_input, view_from_object, zoom_for
 from grasptransfer.perception.networks import (
     FLOW_UNIT,
-    LATENT_SIZE,
     OFFSET_UNIT,
-    Prediction,
 )
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.picture_evidence import LatentPrior, Motion, Outline, PictureEvidence
-from grasptransfer.perception.pose_and_shape import fit_pose_and_shape, widened_pose
+from grasptransfer.perception.picture_evidence import Motion, Outline, PictureEvidence
+from grasptransfer.perception.pose_and_shape import PoseAndShape, fit_pose_and_shape, widened_pose
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.several_pictures import PicturePlace
+from grasptransfer.perception.signs import Signs, drift_of, overlap_of, signs_of_fit, signs_of_pass
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.standing import Standing, Support
 from grasptransfer.perception.weights import find_weights
-from grasptransfer.perception.zoom import MASK_STRIDE, zoom_camera, zoom_mask, zoom_picture
+from grasptransfer.perception.zoom import MASK_STRIDE, whole_mask, zoom_camera, zoom_mask, zoom_picture
 
 LOOKS = 2
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
 NEAREST = 0.03  # m before the camera: a model that comes nearer, or lies behind it, fills no picture
-
-
-@dataclass(frozen=True)
-class Look:
-    """One pass of the network over the zoomed picture.
-
-    Args:
-        camera: of the zoomed picture.
-        view: the model as assumed: pose and latent.
-        motion: predicted motion of its visible cells from the canonical model.
-        latent: what the picture as a whole says of the latent.
-        object_probability: (h / 4, w / 4) of the zoomed picture: as given, else as predicted.
-        match: probability that the object is of the category.
-    """
-
-    camera: Camera
-    view: CanonicalView
-    motion: Motion
-    latent: LatentPrior
-    object_probability: Float[np.ndarray, "hh hw"]
-    match: float
 
 
 class RgbEstimator:
@@ -91,13 +67,18 @@ class RgbEstimator:
 
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate the shape, and the pose where `refine_pose` is set."""
-        return self.assess(observation)[0]
+        estimate, signs = self.assess(observation)
+        camera = observation.camera
+        given = projected_box(self._vertices, camera, observation.camera_from_object)
+        found = projected_box(self._model.vertices(estimate.latent), camera, estimate.camera_from_object)
+        return reconsider(estimate, signs, observation, assessor=self, boxes=(given, found))
 
-    def assess(self, observation: Observation) -> tuple[ShapeEstimate, Evidence]:
-        """The estimate, and what its `category_score` rests on."""
+    def assess(self, observation: Observation) -> tuple[ShapeEstimate, Signs]:
+        """The estimate, and the signs that its status rests on; `__call__` also asks for the likely cause."""
         clock = _Clock()
         given = arrange(observation, self._vertices, refine=self.refine_pose)
         poses, latent = given.start, given.latent(self.category.shape_space.n_modes)
+        first: list[Look] | None = None
         astray = False
         # The second pass compares the pictures with what the first one made of them.
         for number in range(LOOKS):
@@ -108,10 +89,12 @@ class RgbEstimator:
                     raise
                 astray = True  # the fit has lost the object: its answer stands, marked as unsettled
                 break
+            first = looks if first is None else first
             clock.lap("network")
+            evidence = [self._evidence(look) for look in looks]
             with single_blas_thread():
                 fit = fit_pose_and_shape(
-                    [self._evidence(look) for look in looks],
+                    evidence,
                     poses,
                     given.priors,
                     places=given.places,
@@ -120,29 +103,56 @@ class RgbEstimator:
                 )
             poses, latent = fit.poses, fit.latent
             clock.lap("fit")
-        overlaps = [
-            self._overlap(fit.latent, place.camera_from_object(fit.poses), look)
-            for place, look in zip(given.places, looks, strict=True)
-        ]
-        match = float(np.mean([look.match for look in looks]))
-        found = evidence(match, float(np.mean(overlaps)), fit.latent)
-        score = self.confidence.of_the_category(found)
+        signs = self._signs(first or looks, looks, evidence, fit=fit, given=given)
+        status, score = self.confidence.judge(signs, settled=fit.converged and not astray)
         clock.lap("score")
-        status = EstimateStatus.OK if fit.converged and not astray else EstimateStatus.NOT_CONVERGED
         posterior = given.posterior(fit, observation.camera_from_object)
         estimate = ShapeEstimate(
             field=self.category.shape_space.field(fit.latent),
             camera_from_object=fit.camera_from_object,
             latent=fit.latent,
             covariance=self.confidence.widened_with_pose(widened_pose(posterior.covariance)),
-            mask=_whole_mask(looks[0], observation.camera),
+            mask=whole_mask(looks[0].object_probability, looks[0].camera, observation.camera),
             category_score=score,
-            status=status if score >= self.confidence.accepted_score else EstimateStatus.OUT_OF_CATEGORY,
+            status=status,
             pose_sigma_prior=given.sigma,
             posterior=posterior,
             timings=clock.seconds,
         )
-        return estimate, found
+        return estimate, signs
+
+    def preference(self, observation: Observation) -> float:
+        """How well the observation's pose explains its picture, by one pass of the network.
+
+        Of several poses for one picture the highest is preferred; differences are logarithms of odds.
+
+        Raises:
+            PoseError: the model at this pose fills no picture.
+        """
+        latent = np.zeros(self.category.shape_space.n_modes)
+        start = arrange(observation, self._vertices, refine=self.refine_pose).start[0]
+        return self.confidence.preference(self.look(observation, start, latent).signs)
+
+    def _signs(
+        self,
+        first: list[Look],
+        last: list[Look],
+        evidence: list[PictureEvidence],
+        *,
+        fit: PoseAndShape,
+        given: Arrangement,
+    ) -> Signs:
+        """Of several pictures the means."""
+        vertices = self._model.vertices(fit.latent)
+        sides = np.ptp(vertices, axis=0) / np.ptp(self._vertices, axis=0)
+        drifted = drift_of(given.start[0], fit.camera_from_object, given.priors[0])
+        of_fit = []
+        for place, look, said in zip(given.places, last, evidence, strict=True):
+            pose = place.camera_from_object(fit.poses)
+            cover = self._overlap(vertices, pose, look)
+            of_fit.append(signs_of_fit(said, pose, fit, overlap=cover, sides=sides, drifted=drifted))
+        passes = [np.mean([look.signs for look in looks], axis=0) for looks in (first, last)]
+        return np.concatenate([*passes, np.mean(of_fit, axis=0)])
 
     def _look_at_all(
         self,
@@ -195,12 +205,20 @@ class RgbEstimator:
             view.cell_pixels + flow * FLOW_UNIT,
             np.exp(np.clip(flow_scale[:, 0], -5, 3)) * FLOW_UNIT,
         )
+        probability = expit(prediction.mask_logit[0, 0])
+        prior = latent_prior(prediction, latent, self.confidence.latent_overconfidence)
+        signs = signs_of_pass(
+            view,
+            motion,
+            prior,
+            match_logit=10.0 if prediction.match_logit is None else float(prediction.match_logit[0]),
+            mask=probability,
+            flow_spread=prediction.flow_spread[0][view.cell_mask] * FLOW_UNIT,
+            mask_spread=prediction.mask_spread[0],
+        )
         if observation.mask is not None:
             probability = zoom_mask(observation.mask, crop)
-        else:
-            probability = expit(prediction.mask_logit[0, 0])
-        prior = _latent_prior(prediction, latent, self.confidence.latent_overconfidence)
-        return Look(camera, view, motion, prior, probability, _match(prediction))
+        return Look(camera, view, motion, prior, probability, signs)
 
     def _outline(self, look: Look) -> Outline:
         """What the reconstruction's outline has to meet in this look."""
@@ -217,52 +235,12 @@ class RgbEstimator:
     def _vertices(self) -> Float[np.ndarray, "v 3"]:
         return np.asarray(self.category.canonical.vertices)
 
-    def _overlap(self, latent: Float[np.ndarray, "k"], pose: Float[np.ndarray, "4 4"], look: Look) -> float:
+    def _overlap(
+        self, vertices: Float[np.ndarray, "v 3"], pose: Float[np.ndarray, "4 4"], look: Look
+    ) -> float:
         """How well the reconstruction's silhouette covers the predicted mask: intersection over union."""
-        faces, vertices = np.asarray(self.category.canonical.faces), self._model.vertices(latent)
-        shown = visible_mask(vertices, faces, look.camera, pose)
-        silhouette = shown[2::MASK_STRIDE, 2::MASK_STRIDE]
-        seen = look.object_probability > 0.5
-        return float((silhouette & seen).sum() / max((silhouette | seen).sum(), 1))
-
-
-def _latent_prior(
-    prediction: Prediction, assumed: Float[np.ndarray, "k"], overconfidence: float
-) -> LatentPrior:
-    """What the latent head says; modes beyond its size, and networks without it, keep the prior.
-
-    Args:
-        overconfidence: how much larger the stated deviations have to be.
-    """
-    mean, deviation = np.zeros(len(assumed)), np.ones(len(assumed))
-    if prediction.latent is None or prediction.latent_log_scale is None:
-        return LatentPrior(mean, deviation)
-    size = min(len(assumed), LATENT_SIZE)
-    mean[:size] = assumed[:size] + prediction.latent[0, :size]
-    log_scale = prediction.latent_log_scale[0, :size]
-    deviation[:size] = np.minimum(overconfidence * np.exp(np.clip(log_scale, -4, 0)), 1)
-    return LatentPrior(mean, deviation)
-
-
-def _match(prediction: Prediction) -> float:
-    if prediction.match_logit is None:
-        return 1.0
-    return float(expit(prediction.match_logit[0]))
-
-
-def _whole_mask(look: Look, camera: Camera) -> Bool[np.ndarray, "h w"]:
-    """The predicted mask, put back into the whole picture."""
-    scale_u, scale_v = look.camera.fx / camera.fx, look.camera.fy / camera.fy
-    left = camera.cx - (look.camera.cx + 0.5) / scale_u
-    top = camera.cy - (look.camera.cy + 0.5) / scale_v
-    # PIL's affine map takes output pixel corners to input pixel corners.
-    step_u, step_v = scale_u / MASK_STRIDE, scale_v / MASK_STRIDE
-    matrix = (step_u, 0, -(left + 0.5) * step_u, 0, step_v, -(top + 0.5) * step_v)
-    picture = Image.fromarray(look.object_probability.astype(np.float32))
-    whole = picture.transform(
-        (camera.width, camera.height), Image.Transform.AFFINE, matrix, Image.Resampling.BILINEAR, fillcolor=0
-    )
-    return np.asarray(whole) > 0.5
+        shown = visible_mask(vertices, np.asarray(self.category.canonical.faces), look.camera, pose)
+        return overlap_of(shown[2::MASK_STRIDE, 2::MASK_STRIDE], look.object_probability > 0.5)
 
 
 class _Clock:

@@ -16,14 +16,14 @@ from grasptransfer.category.category import CANONICAL, SHAPE_SPACE
 from grasptransfer.errors import WeightsError
 from grasptransfer.files import replacing
 from grasptransfer.fitted import Fit, read_fits, write_fits
-from grasptransfer.perception.confidence import Confidence
+from grasptransfer.perception.confidence import PASS, POSE, VERDICTS, Confidence
 from grasptransfer.perception.networks import build_network, network_names
 
 if TYPE_CHECKING:
     from grasptransfer.perception.networks.ensemble import Ensemble
 
 FORMAT_VERSION = 5
-FITTED = ("bias", "match", "overlap", "far", "overconfidence")  # of `Confidence`, by `grasptransfer train`
+FITTED = (*VERDICTS, *PASS, *POSE, "overconfidence")  # of `Confidence`, by `grasptransfer train`
 CHOSEN = ("latent_overconfidence", "accepted_score")
 BLOCKS = {"confidence": FITTED, "chosen": CHOSEN}
 
@@ -92,7 +92,7 @@ def _read_confidence(path: Path, header: dict[str, str]) -> Confidence:
     """Raises WeightsError: the file beside the weights is missing, or belongs to other weights."""
     place = path.with_suffix(".yaml")
     if not place.is_file() and "confidence" in header:  # weights written before there was such a file
-        return Confidence(**json.loads(header["confidence"]))
+        return Confidence.of_data(json.loads(header["confidence"]))
     fits = read_fits(place, BLOCKS, error=WeightsError)
     if fits["confidence"].fitted_to != header.get("sha256"):
         raise WeightsError(
@@ -103,7 +103,7 @@ def _read_confidence(path: Path, header: dict[str, str]) -> Confidence:
             choices=[header.get("sha256")],
             fix="Get the file that belongs to them, or train again",
         )
-    return Confidence(**fits["confidence"].values, **fits["chosen"].values)
+    return Confidence.of_data(fits["confidence"].values | fits["chosen"].values)
 
 
 @dataclass(frozen=True)

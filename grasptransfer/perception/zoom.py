@@ -65,3 +65,25 @@ def zoom_mask(mask: Bool[np.ndarray, "h w"], box: Box) -> Float32[np.ndarray, "4
 def mask_cells(mask: Float32[np.ndarray, "192 256"]) -> Float32[np.ndarray, "48 64"]:
     """Mean of a zoomed mask over each cell of the network's."""
     return mask.reshape(ZOOM_HEIGHT // MASK_STRIDE, MASK_STRIDE, -1, MASK_STRIDE).mean((1, 3))
+
+
+def whole_mask(
+    probability: Float[np.ndarray, "hm wm"], zoomed: Camera, camera: Camera
+) -> Bool[np.ndarray, "h w"]:
+    """The cells of a zoomed picture that rather show the object, put back into the whole picture.
+
+    Args:
+        probability: of each cell.
+        zoomed: camera of the zoomed picture.
+        camera: of the whole picture.
+    """
+    scale_u, scale_v = zoomed.fx / camera.fx, zoomed.fy / camera.fy
+    left = camera.cx - (zoomed.cx + 0.5) / scale_u
+    top = camera.cy - (zoomed.cy + 0.5) / scale_v
+    # PIL's affine map takes output pixel corners to input pixel corners.
+    step_u, step_v = scale_u / MASK_STRIDE, scale_v / MASK_STRIDE
+    matrix = (step_u, 0, -(left + 0.5) * step_u, 0, step_v, -(top + 0.5) * step_v)
+    whole = Image.fromarray(probability.astype(np.float32)).transform(
+        (camera.width, camera.height), Image.Transform.AFFINE, matrix, Image.Resampling.BILINEAR, fillcolor=0
+    )
+    return np.asarray(whole) > 0.5

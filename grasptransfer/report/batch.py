@@ -174,7 +174,7 @@ def _transferred(flow: GraspTransfer, given: TransferInputs, one: TransferSettin
     return {
         "folder": str(one.out),
         "status": result.status.value,
-        "advice": result.status.advice,
+        "advice": result.advice,
         "grasps": len(result.grasps),
         "usable": len(result.usable),
         "best": None if best is None else best.name,

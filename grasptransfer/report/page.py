@@ -105,7 +105,7 @@ def _lead(result: "TransferResult") -> str:
 
 
 def _advice(result: "TransferResult") -> str:
-    return " ".join(filter(None, (result.pose_note, result.status.advice)))
+    return " ".join(filter(None, (result.pose_note, result.advice)))
 
 
 def _summary(result: "TransferResult", trials: Sequence) -> list[Fact]:
@@ -113,7 +113,7 @@ def _summary(result: "TransferResult", trials: Sequence) -> list[Fact]:
     facts = [
         Fact("category", result.category.name),
         Fact("shape", status.replace("_", " "), "good" if status == "ok" else "bad"),
-        Fact("fits the category", "not judged" if score is None else f"{score:.0%}"),
+        Fact("fits category, pose and box", "not judged" if score is None else f"{score:.0%}"),
         Fact("gripper", result.gripper.name),
         Fact("pose refined by", _pose_change(result)),
         *_pose_sigmas(result),

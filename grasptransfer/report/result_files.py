@@ -96,7 +96,7 @@ def as_data(result: "TransferResult") -> dict:
         "canonical_sha256": result.category.canonical_sha256,
         "gripper": result.gripper.name,
         "status": result.status.value,
-        "advice": result.status.advice,
+        "advice": result.advice,
         "category_score": None if result.category_score is None else round(result.category_score, 4),
         "length_unit": "m",
         **_picture_data(observation),

@@ -144,7 +144,7 @@ def sentence(result: TransferResult, trials: "Sequence[TrialResult]", out: Path)
         held = sum(trial.held for trial in trials)
         text += f"; {held} of the {len(trials)} executed held ({trials[0].protocol} in {trials[0].engine})"
     if result.status.value != "ok":
-        text += f". {result.status.advice.rstrip('.')}"
+        text += f". {result.advice.rstrip('.')}"
     return f"{text}. Look at {out / REPORT}; grasps: {out / GRASPS}; mesh: {out / RECONSTRUCTION}"
 
 

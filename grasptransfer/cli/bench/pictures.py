@@ -64,9 +64,9 @@ def pose(settings: PoseSettings, results: ResumedResults, write: bool = False) -
     return run(partial(run_pose_benchmark, settings, **results.how(), write=write), results)
 
 
-def refusal(settings: RefusalSettings, results: Results) -> int:
-    """How often rgb accepts objects of other categories or of none, and refuses its own."""
-    return run(partial(run_refusal_benchmark, settings), results)
+def refusal(settings: RefusalSettings, results: ResumedResults) -> int:
+    """How often right inputs are refused, and wrong ones noticed, named and kept from the gripper."""
+    return run(partial(run_refusal_benchmark, settings, **results.how()), results)
 
 
 def latency(settings: LatencySettings, results: Results) -> int:

@@ -15,10 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import SettingsError
-from grasptransfer.frames import moved
-from grasptransfer.perception.pose_prior import FREEDOM, PosePrior
 from grasptransfer.poses import PoseSigma, covariance_of
-from grasptransfer.workshop.training.scenes import WIDE_NOISE
+from grasptransfer.workshop.training.scenes import WIDE_NOISE, as_estimated
 
 EXACT, ESTIMATOR, WIDE = "exact", "estimator", "wide"
 REGIMES = (EXACT, ESTIMATOR, WIDE)
@@ -75,13 +73,3 @@ class GivenPoses:
 
 
 ESTIMATED = GivenPoses()
-
-
-def as_estimated(
-    camera_from_object: Float[np.ndarray, "4 4"], rng: np.random.Generator
-) -> Float[np.ndarray, "4 4"]:
-    """A pose as an RGB estimator gives it: an error drawn from the prior's Student t distribution."""
-    prior = PosePrior.of(camera_from_object, None)
-    assert prior is not None
-    normal = rng.multivariate_normal(np.zeros(6), prior.covariance, method="eigh")
-    return moved(camera_from_object, normal / np.sqrt(rng.chisquare(FREEDOM) / FREEDOM))

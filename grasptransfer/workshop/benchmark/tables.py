@@ -4,10 +4,14 @@ from collections import Counter
 
 from rich.table import Table
 
+from grasptransfer.workshop.benchmark.refusal_table import rates
+
 
 def rows_table(result: dict) -> Table | None:
     """E of every method, mean and (spread over the views); None where rows hold no such scores."""
     rows = result["rows"]
+    if rows and "verdict" in rows[0]:
+        return _refusals_table(rows)
     if rows and "stage" in rows[0]:
         return _stages_table(rows)
     if rows and "image" in rows[0]:
@@ -74,6 +78,21 @@ def _grasps_table(rows: list[dict]) -> Table:
         groups.setdefault((row["category"], row["estimator"]), []).append(row)
     for names_of_group, group in groups.items():
         table.add_row(*names_of_group, *_grasp_cells(group))
+    return table
+
+
+def _refusals_table(rows: list[dict]) -> Table:
+    """A kind of input a line; what is noticed of a right one is a false alarm."""
+    table = Table("shown in a", "input", title="inputs: noticed, with the right cause, with a usable grasp")
+    for name in ("tried", "noticed", "cause named", "usable grasp"):
+        table.add_column(name, justify="right", overflow="fold")
+    for line in rates(rows):
+        tried = line["tried"]
+        shares = [f"{100 * line[key] / tried:.1f} %" for key in ("noticed", "named", "usable")]
+        if line["right"]:
+            shares[1] = ""
+        name = f"right: {line['input']}" if line["right"] else line["input"]
+        table.add_row(line["shown"], name, str(tried), *shares)
     return table
 
 

@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 from grasptransfer.camera import Camera
 from grasptransfer.drawing.lighting import Lighting
 from grasptransfer.drawing.views import VIEWPOINTS, look_at, sphere_views, towards
+from grasptransfer.frames import moved
+from grasptransfer.perception.pose_prior import FREEDOM, PosePrior
 
 PICTURE = (640, 480)  # px: the virtual camera before the zoom
 
@@ -43,6 +45,16 @@ NO_NOISE = PoseNoise(0.0, 0.0)
 WIDE_NOISE = PoseNoise(0.05, np.deg2rad(10))
 TRAINING_NOISES = (NO_NOISE, PoseNoise(0.01, np.deg2rad(3)), WIDE_NOISE)
 TRAINING_NOISE_SHARES = (0.4, 0.35, 0.25)
+
+
+def as_estimated(
+    camera_from_object: Float[np.ndarray, "4 4"], rng: np.random.Generator
+) -> Float[np.ndarray, "4 4"]:
+    """A pose as an RGB estimator gives it: an error drawn from the prior's Student t distribution."""
+    prior = PosePrior.of(camera_from_object, None)
+    assert prior is not None
+    normal = rng.multivariate_normal(np.zeros(6), prior.covariance, method="eigh")
+    return moved(camera_from_object, normal / np.sqrt(rng.chisquare(FREEDOM) / FREEDOM))
 
 
 def draw_camera(rng: np.random.Generator) -> Camera:
