@@ -45,6 +45,8 @@ class TrainingConfig:
         learning_rate: peak; it falls over the last 30 % of the steps.
         weight_decay: weight decay of AdamW.
         seed: seed of everything random; member i begins and draws its batches with seed + i.
+        scratch: begin with random weights. Without it, networks for categories of which the shipped ones know
+            none begin with theirs, and a tenth of the steps and samples will do.
 
     Raises:
         CategoryError: an unknown category.
@@ -64,6 +66,7 @@ class TrainingConfig:
     learning_rate: float = 1e-3
     weight_decay: float = 0.02
     seed: int = 0
+    scratch: bool = False
 
     def __post_init__(self):
         from grasptransfer.perception.networks import network_names

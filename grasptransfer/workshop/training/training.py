@@ -20,6 +20,7 @@ from grasptransfer.perception.networks.ensemble import Ensemble, channels_last
 from grasptransfer.perception.precision import arithmetic
 from grasptransfer.perception.weights import WeightsInfo, save_weights, trained_on
 from grasptransfer.workshop.training.augmentation import Inputs, training_batch
+from grasptransfer.workshop.training.beginning import begin_with_shipped
 from grasptransfer.workshop.training.dataset import Dataset, DatasetConfig, build_dataset, state_of
 from grasptransfer.workshop.training.log import append_row, drop_rows_after
 from grasptransfer.workshop.training.losses import training_loss
@@ -151,6 +152,7 @@ class _Run:
         self.folder.mkdir(exist_ok=True)
         torch.manual_seed(self.seed)
         self.network = build_network(config.network, len(config.categories), config.width)
+        begin_with_shipped(self.network, config, member)
         channels_last(self.network, place.device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
