@@ -1,4 +1,4 @@
-"""What a training begins with: random weights, or those of the shipped networks, which know how objects move."""
+"""What a training begins with: random weights, or the shipped networks, which know how objects move."""
 
 import logging
 
@@ -14,7 +14,7 @@ LATENT = ("latent.weight", "latent.bias")  # the layer whose rows belong to one 
 
 
 def begin_with_shipped(network: nn.Module, config: TrainingConfig, member: int) -> None:
-    """Give a fresh network the layers of a shipped one, where the settings say so and there is one of its kind.
+    """Give a fresh network the layers of a shipped one, where the settings say so and one is of its kind.
 
     Rows of the latent's layer belong to a category each: those of a new one stay as they begin.
     """
