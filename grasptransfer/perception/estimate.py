@@ -29,6 +29,16 @@ class EstimateStatus(enum.Enum):
     NOT_CONVERGED = "not_converged"
 
     @property
+    def refused(self) -> bool:
+        """Whether the input is so likely wrong that no grasp may be executed."""
+        return self in (
+            EstimateStatus.NOTHING_SEEN,
+            EstimateStatus.OUT_OF_CATEGORY,
+            EstimateStatus.POSE_TURNED,
+            EstimateStatus.IMPOSSIBLE_SIZE,
+        )
+
+    @property
     def advice(self) -> str:
         """One sentence for the user."""
         return {
@@ -86,9 +96,14 @@ class ShapeEstimate:
 
     @property
     def trust(self) -> float:
-        """Chance that category, pose and box are right, as they mostly are before the picture is seen."""
+        """Chance that category, pose and box are right, as they mostly are before the picture is seen.
+
+        0 where the picture was judged and the input refused: no grasp is usable then.
+        """
         if self.category_score is None:
             return 1.0
+        if self.status.refused:
+            return 0.0
         own, stranger = NAMED_RIGHT * self.category_score, (1 - NAMED_RIGHT) * (1 - self.category_score)
         return own / (own + stranger)
 

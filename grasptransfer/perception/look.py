@@ -23,6 +23,7 @@ class Look:
         latent: what the picture as a whole says of the latent.
         object_probability: (h / 4, w / 4) of the zoomed picture: as given, else as predicted.
         signs: of a wrong input.
+        structure: how much the picture shows at all there, as of `signs.structure_of`.
     """
 
     camera: Camera
@@ -31,6 +32,7 @@ class Look:
     latent: LatentPrior
     object_probability: Float[np.ndarray, "hh hw"]
     signs: PassSigns
+    structure: float
 
 
 def latent_prior(

@@ -16,7 +16,7 @@ from grasptransfer.jobs import single_blas_thread
 from grasptransfer.perception.answering import load_answering
 from grasptransfer.perception.arrangement import Arrangement, arrange
 from grasptransfer.perception.canonical_view import view_canonical
-from grasptransfer.perception.estimate import ShapeEstimate
+from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.explanation import reconsider
 from grasptransfer.perception.look import Look, latent_prior
 from grasptransfer.perception.network_input import network_input, view_from_object, zoom_for
@@ -29,7 +29,14 @@ from grasptransfer.perception.picture_evidence import Motion, Outline, PictureEv
 from grasptransfer.perception.pose_and_shape import PoseAndShape, fit_pose_and_shape, widened_pose
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.several_pictures import PicturePlace
-from grasptransfer.perception.signs import Signs, drift_of, overlap_of, signs_of_fit, signs_of_pass
+from grasptransfer.perception.signs import (
+    Signs,
+    drift_of,
+    overlap_of,
+    signs_of_fit,
+    signs_of_pass,
+    structure_of,
+)
 from grasptransfer.perception.silhouette import Silhouette
 from grasptransfer.perception.standing import Standing, Support
 from grasptransfer.perception.weights import find_weights
@@ -37,6 +44,7 @@ from grasptransfer.perception.zoom import MASK_STRIDE, whole_mask, zoom_camera, 
 
 LOOKS = 2
 FEWEST_CELLS = 12  # fewer visible cells say nothing about a shape
+LEAST_STRUCTURE = 0.3  # of noise it is below 0.1, of 33 dark, grainy or blurred photographs above 0.9
 NEAREST = 0.03  # m before the camera: a model that comes nearer, or lies behind it, fills no picture
 
 
@@ -105,6 +113,8 @@ class RgbEstimator:
             clock.lap("fit")
         signs = self._signs(first or looks, looks, evidence, fit=fit, given=given)
         status, score = self.confidence.judge(signs, settled=fit.converged and not astray)
+        if max(look.structure for look in looks) < LEAST_STRUCTURE:
+            status, score = EstimateStatus.NOTHING_SEEN, 0.0
         clock.lap("score")
         posterior = given.posterior(fit, observation.camera_from_object)
         estimate = ShapeEstimate(
@@ -218,7 +228,7 @@ class RgbEstimator:
         )
         if observation.mask is not None:
             probability = zoom_mask(observation.mask, crop)
-        return Look(camera, view, motion, prior, probability, signs)
+        return Look(camera, view, motion, prior, probability, signs, structure_of(observation.image, crop))
 
     def _outline(self, look: Look) -> Outline:
         """What the reconstruction's outline has to meet in this look."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
 from grasptransfer.drawing.rendering import Renderer
@@ -27,6 +27,7 @@ from grasptransfer.workshop.training.training_shapes import (
 )
 from grasptransfer.workshop.training.wrong_inputs import (
     Given,
+    Pictured,
     foreign_object,
     right_inputs,
     without_object,
@@ -35,7 +36,8 @@ from grasptransfer.workshop.training.wrong_inputs import (
 )
 
 CLASSES = (EstimateStatus.OK, *WRONG)
-RIDGE, PAIR_RIDGE = 1e-4, 3e-3  # on weights of signs in standard deviations
+PHOTOGRAPHS = 0.3  # share of the weight of all inputs of a kind
+RIDGE, PAIR_RIDGE = 3e-4, 3e-3  # on weights of signs in standard deviations
 SAID_EXACT = 0.25  # share of the wrong inputs whose pose is said to be exact
 EACH = 2  # wrong inputs of each kind that a picture gives, of all there are
 
@@ -48,26 +50,40 @@ class Seen:
         group: number of the picture that it came from.
         name: of the input.
         verdict: that it should get.
+        photograph: whether the picture is no rendered one.
     """
 
     group: int
     name: str
     verdict: EstimateStatus
     signs: Signs
+    photograph: bool = False
 
 
 def fit_verdicts(seen: Sequence[Seen]) -> tuple[VerdictWeights, PassWeights, PoseWeights]:
     """Weights of `Confidence`: verdicts, preference by the first pass, and preference by all signs.
 
     Verdicts are a multinomial logistic regression: right inputs count half, each kind of wrong ones the same
-    share of the rest, however many there are. Preferences are one on the difference between the right pose of
-    a picture and a turned one.
+    share of the rest, and photographs `PHOTOGRAPHS` of each kind, however many there are. Preferences are one
+    on the difference between the right pose of a picture and a turned one.
     """
     signs = np.stack([one.signs for one in seen])
     kinds = np.array([CLASSES.index(one.verdict) for one in seen])
-    weights = _logistic(signs, kinds)
+    weights = _logistic(signs, kinds, _shares(kinds, np.array([one.photograph for one in seen])))
     pairs = _differences(seen)
     return (weights[:, 1:] - weights[:, :1]).T, _preference(pairs[:, : len(OF_PASS)]), _preference(pairs)
+
+
+def _shares(kinds: Int[np.ndarray, "m"], photographs: Bool[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
+    """How much each input counts."""
+    shares = np.zeros(len(kinds))
+    wrong = len(set(kinds.tolist()) - {0})
+    for kind in set(kinds.tolist()):
+        groups = [(kinds == kind) & (photographs == flag) for flag in (False, True)]
+        parts = np.array([1 - PHOTOGRAPHS, PHOTOGRAPHS]) * [group.any() for group in groups]
+        for group, part in zip(groups, parts / parts.sum(), strict=True):
+            shares[group] = part * (0.5 if kind == 0 else 0.5 / wrong) / max(group.sum(), 1)
+    return shares
 
 
 def _differences(seen: Sequence[Seen]) -> Float[np.ndarray, "m 23"]:
@@ -96,15 +112,14 @@ def _preference(differences: Float[np.ndarray, "m t"]) -> Float[np.ndarray, "t"]
     return minimize(loss, np.zeros(rows.shape[1]), jac=True).x / spread
 
 
-def _logistic(signs: Float[np.ndarray, "m 23"], kinds: Int[np.ndarray, "m"]) -> Float[np.ndarray, "24 6"]:
+def _logistic(
+    signs: Float[np.ndarray, "m 23"], kinds: Int[np.ndarray, "m"], share: Float[np.ndarray, "m"]
+) -> Float[np.ndarray, "24 6"]:
     """Weights of each kind, the bias first."""
     count = len(CLASSES)
     middle, spread = signs.mean(0), signs.std(0) + 1e-6
     rows = np.column_stack([np.ones(len(signs)), (signs - middle) / spread])
     chosen = np.eye(count)[kinds]
-    numbers = np.maximum(chosen.sum(0), 1)
-    present = (chosen.sum(0) > 0)[1:].sum()
-    share = np.where(kinds == 0, 0.5 / numbers[0], 0.5 / max(present, 1) / numbers[kinds])
 
     def loss(flat):
         weights = flat.reshape(-1, count)
@@ -148,6 +163,16 @@ def see_meshes(estimator: RgbEstimator, meshes: Sequence[Path], *, views: int, s
     loaded = (load_mesh(path) for path in meshes)
     drawn = ((mesh, np.asarray(_solid(mesh).vertices)) for mesh in loaded for _ in range(views))
     yield from _see(estimator, drawn, rng)
+
+
+def see_photographs(estimator: RgbEstimator, photographs: Iterable[Pictured], *, seed: int) -> Iterator[Seen]:
+    """The same with photographs of objects of the category."""
+    rng = np.random.default_rng([seed, 8, *estimator.category.name.encode()])
+    for number, seen in enumerate(photographs):
+        wrong = [*wrong_poses(seen, estimator.category, rng), *wrong_cameras_and_boxes(seen, rng)]
+        inputs = [*right_inputs(seen, rng), *_some_of_each(wrong, rng)]
+        for one in assess_all(estimator, inputs, number):
+            yield replace(one, photograph=True)
 
 
 def _see(
