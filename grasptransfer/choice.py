@@ -133,7 +133,7 @@ def raise_unless_succeeded(result: TransferResult) -> None:
     from grasptransfer.perception.estimate import EstimateStatus
 
     if result.status is not EstimateStatus.OK:
-        raise NotSucceeded(result.status.advice, key="status", value=result.status.value)
+        raise NotSucceeded(result.advice, key="status", value=result.status.value)
     if not result.usable:
         reasons = "; ".join(sorted({grasp.reason for grasp in result.grasps}))
         raise NotSucceeded("no usable grasp", key="grasps", value=reasons)

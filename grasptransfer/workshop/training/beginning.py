@@ -37,6 +37,7 @@ def _shipped(config: TrainingConfig) -> StoredWeights | None:
     names = {category.name for category in config.categories}
     for path in sorted((objects_folder() / "models").glob("*.safetensors")):
         stored = read_weights(path)
-        if stored.info.network == config.network and not names & set(stored.info.categories):
+        kind = (stored.info.network, stored.info.width)
+        if kind == (config.network, config.width) and not names & set(stored.info.categories):
             return stored
     return None
