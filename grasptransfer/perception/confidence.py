@@ -45,7 +45,7 @@ def _starting_pose() -> PoseWeights:
     return np.array([1.0 if sign == "last_match" else 0.0 for sign in SIGNS])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Confidence:
     """What turns a network's own statements into chances that hold.
 
@@ -69,6 +69,11 @@ class Confidence:
     overconfidence: float = 4.0
     latent_overconfidence: float = 1.6
     accepted_score: float = 0.2
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Confidence) and self.as_data() == other.as_data()
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]: numbers in arrays
 
     @staticmethod
     def of_data(values: Mapping[str, float]) -> "Confidence":
