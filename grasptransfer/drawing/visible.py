@@ -49,10 +49,9 @@ def visible_faces(
     (any book on computer graphics: perspective-correct interpolation).
     """
     u, v, inverse = _projected(vertices, camera, camera_from_object)
-    size = (camera.height, camera.width)
-    face, nearest, share = np.full(size, -1), np.zeros(size), np.zeros((*size, 3))
-    _draw(u, v, inverse, np.ascontiguousarray(faces, np.int64), face, nearest, share)
-    depth = np.divide(1, nearest, out=np.zeros(size), where=face >= 0)
+    face, nearest, share = _buffers(camera)
+    _draw(u, v, inverse, np.ascontiguousarray(faces, np.int64), face, nearest, share, False)
+    depth = np.divide(1, nearest, out=np.zeros(face.shape), where=face >= 0)
     return VisibleFaces(face, share, depth)
 
 
@@ -64,9 +63,17 @@ def visible_mask(
 ) -> Bool[np.ndarray, "h w"]:
     """(h, w) where `visible_faces` sees the mesh, in less than half of the time."""
     u, v, inverse = _projected(vertices, camera, camera_from_object)
-    covered = np.zeros((camera.height, camera.width), np.bool_)
-    _cover(u, v, inverse, np.ascontiguousarray(faces, np.int64), covered)
-    return covered
+    face, nearest, share = _buffers(camera)
+    _draw(u, v, inverse, np.ascontiguousarray(faces, np.int64), face, nearest, share, True)
+    return face >= 0
+
+
+def _buffers(
+    camera: Camera,
+) -> tuple[Int[np.ndarray, "h w"], Float[np.ndarray, "h w"], Float[np.ndarray, "h w 3"]]:
+    """Of an empty picture: no face, the inverse depth of infinity, no shares."""
+    size = (camera.height, camera.width)
+    return np.full(size, -1), np.zeros(size), np.zeros((*size, 3))
 
 
 def _projected(
@@ -82,11 +89,15 @@ def _projected(
 
 @njit(nogil=True, cache=True, error_model="numpy")
 @no_type_check
-def _draw(u, v, inverse, faces, face, nearest, share):
-    """Keep for each pixel the face that is nearest, its inverse depth, and the corners' shares."""
+def _draw(u, v, inverse, faces, face, nearest, share, any_face):
+    """Keep for each pixel the face that is nearest, its inverse depth, and the corners' shares.
+
+    Args:
+        any_face: keep only the first face that each pixel shows.
+    """
     height, width = face.shape
     for number in range(len(faces)):
-        a, b, c = faces[number]
+        a, b, c = faces[number, 0], faces[number, 1], faces[number, 2]
         area = (u[b] - u[a]) * (v[c] - v[a]) - (v[b] - v[a]) * (u[c] - u[a])
         if area == 0 or max(inverse[a], inverse[b], inverse[c]) >= 1 / NEAREST:
             continue
@@ -97,12 +108,15 @@ def _draw(u, v, inverse, faces, face, nearest, share):
         part = 1 / area
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
-                at_a = ((u[b] - column) * (v[c] - row) - (v[b] - row) * (u[c] - column)) * part
-                if at_a < 0:
+                if any_face and face[row, column] >= 0:
                     continue
+                at_a = ((u[b] - column) * (v[c] - row) - (v[b] - row) * (u[c] - column)) * part
                 at_b = ((u[c] - column) * (v[a] - row) - (v[c] - row) * (u[a] - column)) * part
                 at_c = 1 - at_a - at_b
-                if at_b < 0 or at_c < 0:
+                if at_a < 0 or at_b < 0 or at_c < 0:
+                    continue
+                if any_face:
+                    face[row, column] = number
                     continue
                 at_a, at_b, at_c = at_a * inverse[a], at_b * inverse[b], at_c * inverse[c]
                 near = at_a + at_b + at_c
@@ -111,27 +125,3 @@ def _draw(u, v, inverse, faces, face, nearest, share):
                     share[row, column, 0] = at_a / near
                     share[row, column, 1] = at_b / near
                     share[row, column, 2] = at_c / near
-
-
-@njit(nogil=True, cache=True, error_model="numpy")
-@no_type_check
-def _cover(u, v, inverse, faces, covered):
-    """Mark the pixels that any face shows: those of `_draw`, whichever face is nearest."""
-    height, width = covered.shape
-    for number in range(len(faces)):
-        a, b, c = faces[number]
-        area = (u[b] - u[a]) * (v[c] - v[a]) - (v[b] - v[a]) * (u[c] - u[a])
-        if area == 0 or max(inverse[a], inverse[b], inverse[c]) >= 1 / NEAREST:
-            continue
-        left = max(0, int(np.ceil(min(u[a], u[b], u[c]))))
-        right = min(width - 1, int(np.floor(max(u[a], u[b], u[c]))))
-        top = max(0, int(np.ceil(min(v[a], v[b], v[c]))))
-        bottom = min(height - 1, int(np.floor(max(v[a], v[b], v[c]))))
-        part = 1 / area
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                if covered[row, column]:
-                    continue
-                at_a = ((u[b] - column) * (v[c] - row) - (v[b] - row) * (u[c] - column)) * part
-                at_b = ((u[c] - column) * (v[a] - row) - (v[c] - row) * (u[a] - column)) * part
-                covered[row, column] = at_a >= 0 and at_b >= 0 and 1 - at_a - at_b >= 0

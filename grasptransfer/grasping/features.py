@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 from numba import njit
 
 from grasptransfer.grasping.gripper import Gripper, PadFaces
@@ -23,6 +23,7 @@ UP = np.array([0.0, 0.0, 1.0])  # object frame: categories stand upright
 # grasps that were reached; tests/test_ranking.py has the order.
 ABOVE, BELOW, ASIDE = 0.7, 0.4, 0.4
 PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
+NOTHING = np.float32(0)
 COMPILE = {"nogil": True, "cache": True, "error_model": "numpy"}
 
 
@@ -49,7 +50,8 @@ def features_around(
     local, near = _near(points, turn, turn @ pose[:3, 3], _swept(boxes.bounds, FAR, shifts))
     draw = near // plausible.points.shape[1]
     clearance = np.full((len(shifts), draws), FAR)
-    _clear(local, draw, (boxes.turns, boxes.places, boxes.halves), _swept(boxes.each, FAR, shifts), moved,
+    turned = np.einsum("bij,cj->bci", boxes.turns, moved)
+    _clear(local, draw, boxes.turns, boxes.places, boxes.halves, _swept(boxes.each, FAR, shifts), turned,
            clearance)  # fmt: skip
     corridor, faces = _pad_corridor(gripper, opening, grasp.width), gripper.pad_faces(np.array([grasp.width]))
     local, between = _near(local, np.eye(3, dtype=np.float32), np.zeros(3, np.float32),
@@ -142,12 +144,24 @@ def _receding(faces: PadFaces, across: Float32[np.ndarray, "2 m"]) -> Float32[np
     return faces.slopes[0].astype(np.float32) @ (across - middle[:, None])
 
 
+def _near(
+    points: Float32[np.ndarray, "3 p"],
+    turn: Float32[np.ndarray, "3 3"],
+    shift: Float32[np.ndarray, "3"],
+    corners: Float32[np.ndarray, "2 3"],
+) -> tuple[Float32[np.ndarray, "3 q"], Int[np.ndarray, "q"]]:
+    """The points turned and shifted back that then lie between two corners, and their numbers."""
+    kept, numbers = np.empty(points.shape, np.float32), np.empty(points.shape[1], np.int64)
+    count = _keep_near(points, turn, shift, corners, kept, numbers)
+    return np.ascontiguousarray(kept[:, :count]), numbers[:count]
+
+
+# Compiled functions hold loops over numbers alone: what they call of numpy takes longest to compile.
 @njit(**COMPILE)
 @no_type_check
-def _near(points, turn, shift, corners):
-    """Points (3, p) turned and shifted back, those that then lie between two corners, and their numbers."""
+def _keep_near(points, turn, shift, corners, kept, numbers):
+    """Write the points of `_near` and their numbers; how many they are."""
     count = 0
-    kept, numbers = np.empty((3, points.shape[1]), np.float32), np.empty(points.shape[1], np.int64)
     for p in range(points.shape[1]):
         inside = True
         for axis in range(3):
@@ -160,78 +174,94 @@ def _near(points, turn, shift, corners):
         if inside:
             numbers[count] = p
             count += 1
-    return kept[:, :count].copy(), numbers[:count].copy()
+    return count
 
 
 @njit(**COMPILE)
 @no_type_check
-def _clear(points, draw, boxes, corners, shifts, clearance):
+def _clear(points, draw, turns, places, halves, corners, moved, clearance):
     """Lower each shift's and draw's clearance to the signed distance of its points to the nearest box [m].
 
     Every other point is near enough to the next for fingers, and they are most of the work.
+
+    Args:
+        moved: (b, c, 3) each shift, turned into the axes of each box [m].
     """
-    turns, places, halves = boxes
-    moved, still = np.empty((len(shifts), 3), np.float32), np.empty(3, np.float32)
     for b in range(len(halves)):
-        turn, half = turns[b], halves[b]
-        for c in range(len(shifts)):
-            for axis in range(3):
-                moved[c, axis] = (
-                    turn[axis, 0] * shifts[c, 0] + turn[axis, 1] * shifts[c, 1] + turn[axis, 2] * shifts[c, 2]
-                )
         for p in range(0, points.shape[1], 2):
             x, y, z = points[0, p], points[1, p], points[2, p]
             if not (corners[0, b, 0] < x < corners[1, b, 0] and corners[0, b, 1] < y < corners[1, b, 1]
                     and corners[0, b, 2] < z < corners[1, b, 2]):  # fmt: skip
                 continue
-            for axis in range(3):
-                still[axis] = turn[axis, 0] * x + turn[axis, 1] * y + turn[axis, 2] * z + places[b, axis]
-            for c in range(len(shifts)):
-                outside, deepest = np.float32(0), np.float32(-np.inf)
-                for axis in range(3):
-                    beyond = abs(still[axis] - moved[c, axis]) - half[axis]
-                    outside += max(beyond, np.float32(0)) ** 2
-                    deepest = max(deepest, beyond)
-                distance = np.sqrt(outside) + min(deepest, np.float32(0))
-                clearance[c, draw[p]] = min(clearance[c, draw[p]], distance)
+            along = turns[b, 0, 0] * x + turns[b, 0, 1] * y + turns[b, 0, 2] * z + places[b, 0]
+            across = turns[b, 1, 0] * x + turns[b, 1, 1] * y + turns[b, 1, 2] * z + places[b, 1]
+            up = turns[b, 2, 0] * x + turns[b, 2, 1] * y + turns[b, 2, 2] * z + places[b, 2]
+            s = draw[p]
+            for c in range(moved.shape[1]):
+                dx = abs(along - moved[b, c, 0]) - halves[b, 0]
+                dy = abs(across - moved[b, c, 1]) - halves[b, 1]
+                dz = abs(up - moved[b, c, 2]) - halves[b, 2]
+                deepest = max(dx, max(dy, dz))
+                if deepest > 0:
+                    dx, dy, dz = max(dx, NOTHING), max(dy, NOTHING), max(dz, NOTHING)
+                    deepest = np.sqrt(dx * dx + dy * dy + dz * dz)
+                if deepest < clearance[c, s]:
+                    clearance[c, s] = deepest
 
 
-@njit(**COMPILE)
-@no_type_check
-def _meet(points, facing, draw, recede, corners, shifts, draws):
+def _meet(
+    points: Float32[np.ndarray, "3 p"],
+    facing: Float32[np.ndarray, "2 p"],
+    draw: Int[np.ndarray, "p"],
+    recede: Float32[np.ndarray, "2 p"],
+    corners: Float32[np.ndarray, "2 3"],
+    shifts: Float32[np.ndarray, "c 3"],
+    draws: int,
+) -> tuple[Int[np.ndarray, "c s"], Float[np.ndarray, "c s"]]:
     """What closing pads meet: how many points, and how flat they lie; of the pad that meets less.
 
     Towards -x the -x pad, towards +x the other; a pad's own points are those within `PATCH` of the first.
 
     Args:
-        points: (3, p) gripper frame before the shifts [m].
-        facing: (2, p) of the -x and the +x pad: cosine of the angle between its face and their normals.
-        draw: (p,) which draw each is of.
-        recede: (2, p) how far the face of each pad recedes along +x there, before the shifts [m].
-        corners: (2, 3) of what the pads sweep, see `_pad_corridor`.
+        points: gripper frame before the shifts [m].
+        facing: of the -x and the +x pad: cosine of the angle between its face and their normals.
+        draw: which draw each is of.
+        recede: how far the face of each pad recedes along +x there, before the shifts [m].
+        corners: of what the pads sweep, see `_pad_corridor`.
     """
-    count = np.zeros((2, len(shifts), draws), np.int64)
-    flatness = np.zeros((2, len(shifts), draws))
-    first = np.full((2, draws), -np.inf)
-    inside = np.empty(points.shape[1], np.bool_)
-    for c in range(len(shifts)):
-        first[:] = -np.inf
-        for p in range(points.shape[1]):
-            inside[p] = True
-            for axis in range(3):
-                place = points[axis, p] - shifts[c, axis]
-                inside[p] &= corners[0, axis] < place < corners[1, axis]
-            if inside[p]:
-                x = points[0, p] - shifts[c, 0]
-                first[0, draw[p]] = max(first[0, draw[p]], recede[0, p] - x)
-                first[1, draw[p]] = max(first[1, draw[p]], x - recede[1, p])
-        for p in range(points.shape[1]):
-            if inside[p]:
-                x = points[0, p] - shifts[c, 0]
-                for pad in range(2):
-                    ahead = recede[0, p] - x if pad == 0 else x - recede[1, p]
-                    if ahead > first[pad, draw[p]] - PATCH:
-                        count[pad, c, draw[p]] += 1
-                        flatness[pad, c, draw[p]] += facing[pad, p]
+    count, flatness = np.zeros((2, len(shifts), draws), np.int64), np.zeros((2, len(shifts), draws))
+    first, inside = np.full((2, len(shifts), draws), -np.inf), np.empty(points.shape[1], np.bool_)
+    _count_met(points, facing, draw, recede, corners, shifts, first, inside, count, flatness)
     flatness /= np.maximum(count, 1)
     return np.minimum(count[0], count[1]), np.minimum(flatness[0], flatness[1])
+
+
+@njit(**COMPILE)
+@no_type_check
+def _count_met(points, facing, draw, recede, corners, shifts, first, inside, count, flatness):
+    """Add up, for each pad, shift and draw, the points that the pad meets and their cosines."""
+    for c in range(len(shifts)):
+        for p in range(points.shape[1]):
+            x = points[0, p] - shifts[c, 0]
+            y = points[1, p] - shifts[c, 1]
+            z = points[2, p] - shifts[c, 2]
+            inside[p] = (
+                corners[0, 0] < x < corners[1, 0]
+                and corners[0, 1] < y < corners[1, 1]
+                and corners[0, 2] < z < corners[1, 2]
+            )
+            if inside[p]:
+                ahead, s = recede[0, p] - x, draw[p]
+                if ahead > first[0, c, s]:
+                    first[0, c, s] = ahead
+                ahead = x - recede[1, p]
+                if ahead > first[1, c, s]:
+                    first[1, c, s] = ahead
+        for p in range(points.shape[1]):
+            if inside[p]:
+                x, s = points[0, p] - shifts[c, 0], draw[p]
+                for pad in range(2):
+                    ahead = recede[0, p] - x if pad == 0 else x - recede[1, p]
+                    if ahead > first[pad, c, s] - PATCH:
+                        count[pad, c, s] += 1
+                        flatness[pad, c, s] += facing[pad, p]

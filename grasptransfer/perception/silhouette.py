@@ -155,51 +155,51 @@ def _signed_distance(mask: np.ndarray) -> Float[np.ndarray, "h w"]:
     return inside - outside - np.where(mask, 0.5, -0.5)
 
 
-@njit(nogil=True, cache=True)
-@no_type_check
-def _on_outline(mask, pixels):
+def _on_outline(mask: Bool[np.ndarray, "h w"], pixels: Float[np.ndarray, "p 2"]) -> Bool[np.ndarray, "p"]:
     """Which of the pixels within the picture lie nearer than `OUTLINE` to the mask's border.
 
     As if sampled bilinearly from the signed distance, which is made only around each of them.
     """
-    height, width = mask.shape
-    # Most vertices lie far from every border: their pixels are told apart by squares around it.
-    around = np.zeros(mask.shape, np.bool_)
-    for row in range(height - 1):
-        for column in range(width - 1):
-            own = mask[row, column]
-            if mask[row, column + 1] != own or mask[row + 1, column] != own:
-                for v in range(max(0, row - AROUND), min(height, row + AROUND + 1)):
-                    for u in range(max(0, column - AROUND), min(width, column + AROUND + 1)):
-                        around[v, u] = True
+    border = np.zeros(mask.shape, np.bool_)
+    border[:, :-1] |= mask[:, :-1] != mask[:, 1:]
+    border[:-1] |= mask[:-1] != mask[1:]
     found = np.zeros(len(pixels), np.bool_)
-    for i in range(len(pixels)):
-        u, v = pixels[i]
-        if not (u > 0 and v > 0 and u < width - 1 and v < height - 1):
-            continue
-        column, row, distance = int(u), int(v), 0.0
-        if not around[row, column]:
-            continue
-        for below in range(2):
-            for right in range(2):
-                across = u - column if right else column + 1 - u
-                down = v - row if below else row + 1 - v
-                distance += across * down * _distance_to_border(mask, row + below, column + right)
-        found[i] = abs(distance) < OUTLINE
+    _find_on_outline(mask, np.argwhere(border), pixels, np.zeros(mask.shape, np.bool_), found)
     return found
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 @no_type_check
-def _distance_to_border(mask, row, column):
-    """Signed distance of one pixel to the mask's border, positive inside; at most `AROUND`."""
+def _find_on_outline(mask, border, pixels, around, found):
+    """Mark in `found` those of the pixels that lie on the outline.
+
+    Args:
+        border: (q, 2) row and column of the pixels on the mask's border.
+        around: (h, w) false everywhere; marks what lies near the border: most of the pixels do not.
+    """
     height, width = mask.shape
-    own, least = mask[row, column], AROUND * AROUND
-    for v in range(max(0, row - AROUND + 1), min(height, row + AROUND)):
-        for u in range(max(0, column - AROUND + 1), min(width, column + AROUND)):
-            if mask[v, u] != own:
-                least = min(least, (v - row) ** 2 + (u - column) ** 2)
-    return np.sqrt(least) - 0.5 if own else 0.5 - np.sqrt(least)
+    for i in range(len(border)):
+        for v in range(max(0, border[i, 0] - AROUND), min(height, border[i, 0] + AROUND + 1)):
+            for u in range(max(0, border[i, 1] - AROUND), min(width, border[i, 1] + AROUND + 1)):
+                around[v, u] = True
+    for i in range(len(pixels)):
+        column, row = int(pixels[i, 0]), int(pixels[i, 1])
+        right, down = pixels[i, 0] - column, pixels[i, 1] - row
+        if not (pixels[i, 0] > 0 and pixels[i, 1] > 0 and column < width - 1 and row < height - 1):
+            continue
+        if not around[row, column]:
+            continue
+        distance = 0.0
+        for corner in range(4):
+            v, u = row + corner // 2, column + corner % 2
+            own, least = mask[v, u], AROUND * AROUND
+            for y in range(max(0, v - AROUND + 1), min(height, v + AROUND)):
+                for x in range(max(0, u - AROUND + 1), min(width, u + AROUND)):
+                    if mask[y, x] != own:
+                        least = min(least, (y - v) ** 2 + (x - u) ** 2)
+            inwards = np.sqrt(least) - 0.5 if own else 0.5 - np.sqrt(least)
+            distance += (right if corner % 2 else 1 - right) * (down if corner // 2 else 1 - down) * inwards
+        found[i] = abs(distance) < OUTLINE
 
 
 def _sampled(
