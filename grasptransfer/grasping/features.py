@@ -229,17 +229,22 @@ def _meet(
         recede: how far the face of each pad recedes along +x there, before the shifts [m].
         corners: of what the pads sweep, see `_pad_corridor`.
     """
-    count, flatness = np.zeros((2, len(shifts), draws), np.int64), np.zeros((2, len(shifts), draws))
-    first, inside = np.full((2, len(shifts), draws), -np.inf), np.empty(points.shape[1], np.bool_)
-    _count_met(points, facing, draw, recede, corners, shifts, first, inside, count, flatness)
+    first, count, flatness = met = np.zeros((3, 2, len(shifts), draws))
+    first -= np.inf
+    _count_met(points, facing, draw, recede, corners, shifts, np.empty(points.shape[1], np.bool_), met)
     flatness /= np.maximum(count, 1)
-    return np.minimum(count[0], count[1]), np.minimum(flatness[0], flatness[1])
+    return np.minimum(count[0], count[1]).astype(int), np.minimum(flatness[0], flatness[1])
 
 
 @njit(**COMPILE)
 @no_type_check
-def _count_met(points, facing, draw, recede, corners, shifts, first, inside, count, flatness):
-    """Add up, for each pad, shift and draw, the points that the pad meets and their cosines."""
+def _count_met(points, facing, draw, recede, corners, shifts, inside, met):
+    """Add up, for each pad, shift and draw, how far ahead the first point lies, the points met, their cosines.
+
+    Args:
+        inside: (p,) whatever it holds.
+        met: (3, 2, c, draws) minus infinity, 0 and 0.
+    """
     for c in range(len(shifts)):
         for p in range(points.shape[1]):
             x = points[0, p] - shifts[c, 0]
@@ -252,16 +257,16 @@ def _count_met(points, facing, draw, recede, corners, shifts, first, inside, cou
             )
             if inside[p]:
                 ahead, s = recede[0, p] - x, draw[p]
-                if ahead > first[0, c, s]:
-                    first[0, c, s] = ahead
+                if ahead > met[0, 0, c, s]:
+                    met[0, 0, c, s] = ahead
                 ahead = x - recede[1, p]
-                if ahead > first[1, c, s]:
-                    first[1, c, s] = ahead
+                if ahead > met[0, 1, c, s]:
+                    met[0, 1, c, s] = ahead
         for p in range(points.shape[1]):
             if inside[p]:
                 x, s = points[0, p] - shifts[c, 0], draw[p]
                 for pad in range(2):
                     ahead = recede[0, p] - x if pad == 0 else x - recede[1, p]
-                    if ahead > first[pad, c, s] - PATCH:
-                        count[pad, c, s] += 1
-                        flatness[pad, c, s] += facing[pad, p]
+                    if ahead > met[0, pad, c, s] - PATCH:
+                        met[1, pad, c, s] += 1
+                        met[2, pad, c, s] += facing[pad, p]
