@@ -239,7 +239,7 @@ def _meet(
 @njit(**COMPILE)
 @no_type_check
 def _count_met(points, facing, draw, recede, corners, shifts, inside, met):
-    """Add up, for each pad, shift and draw, how far ahead the first point lies, the points met, their cosines.
+    """Add up, for each pad, shift and draw, how far ahead the first point lies, points met, their cosines.
 
     Args:
         inside: (p,) whatever it holds.
