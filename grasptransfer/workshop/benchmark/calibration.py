@@ -28,12 +28,14 @@ from grasptransfer.perception.estimators import EstimatorSettings, make_estimato
 from grasptransfer.simulation import simulate
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.given_poses import GivenPoses
 from grasptransfer.workshop.benchmark.grasp import as_executed
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.options import (
     Categories,
-    Rotation,
-    Translation,
+    Said,
+    Together,
+    Told,
     ViewsOfEach,
     name_trained,
 )
@@ -44,7 +46,6 @@ from grasptransfer.workshop.benchmark.seen_instances import (
     spread_views,
     viewpoints_of,
 )
-from grasptransfer.workshop.training.scenes import NO_NOISE, PoseNoise
 
 MOST_GRASPS = 8  # At most so many grasps of one picture are executed.
 FIRST_SEED = 78_000_000  # Seeds of the random shapes, far from those of train and test instances.
@@ -56,8 +57,6 @@ RIDGE = 0.02  # Keeps weights for which few grasps are evidence near the present
 class CalibrationSettings:
     """What is measured.
 
-    Every other view has a pose error, because one set of weights serves exact and wrong poses.
-
     Args:
         objects: number of random shapes of each category.
         seed: seed of lights, backgrounds, pose errors and trials.
@@ -66,15 +65,22 @@ class CalibrationSettings:
     categories: Categories = ()
     objects: int = 12
     views: ViewsOfEach = 3
+    views_together: Together = 1
+    told: Told = "estimator"
+    pose_sigma: Said = ()
     gripper: GripperName = "panda"
     protocol: Protocol = "lift-shake-v1"
-    translation_noise: Translation = 0.0
-    rotation_noise: Rotation = 0.0
     seed: int = 0
 
     def __post_init__(self):
         name_trained(self)
-        check_counts(self)
+        check_counts(self, "views_together")
+        _ = self.given
+
+    @property
+    def given(self) -> GivenPoses:
+        """The given poses and their uncertainty."""
+        return GivenPoses.of(self.told, self.pose_sigma)
 
 
 @dataclass(frozen=True)
@@ -168,18 +174,18 @@ def calibration_error(rows: list[dict], name: str) -> float:
 def _execute_on(settings: CalibrationSettings, category: str, name: str) -> dict:
     """`grasps` on one random shape: features in each draw, and whether each held."""
     instance, gripper = load_instance(category, name), load_gripper(settings.gripper)
-    noises = (NO_NOISE, PoseNoise(settings.translation_noise, settings.rotation_noise))
     executed: list[Executed] = []
+    estimator = make_estimator("rgb", instance.category, EstimatorSettings(masks_for_depth_alone=True))
+    flow = GraspTransfer(instance.category, gripper=gripper, estimator=estimator)
     with Renderer() as renderer:
-        flows = []
-        for noise in noises:
-            made_with = EstimatorSettings(noise != NO_NOISE, masks_for_depth_alone=True)
-            estimator = make_estimator("rgb", instance.category, made_with)
-            flows.append(GraspTransfer(instance.category, gripper=gripper, estimator=estimator))
-        for view, viewpoint in enumerate(viewpoints_of(name, settings.views)):
-            flow, noise = flows[view % 2], noises[view % 2]
+        for viewpoint in viewpoints_of(name, settings.views):
             observation, pose = observe_instance(
-                instance, viewpoint, renderer=renderer, noise=noise, seed=settings.seed
+                instance,
+                viewpoint,
+                renderer=renderer,
+                noise=settings.given,
+                seed=settings.seed,
+                pictures=settings.views_together,
             )
             executed += _execute(flow, observation, pose, instance, settings)
     return {"grasps": [{"features": one.features.tolist(), "held": one.held} for one in executed]}
