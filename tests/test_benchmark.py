@@ -138,6 +138,15 @@ def test_an_instance_is_measured_with_every_method_asked_for():
     assert "mug_0014" in _printed(rows_table(result))
 
 
+def test_pictures_seen_together_are_measured_beside_one_alone():
+    settings = RegistrationSettings(("mug",), views=1, views_together=2, methods=("rgb", "rigid"))
+    result = run_registration_benchmark_of_one(settings)
+    row, summary = result["rows"][0], result["summary"]
+    assert summary["rgb_E_mean_over_one_view"] == row["rgb"]["mean"] / row["rgb_one_view"]["mean"]
+    assert row["pose_error_before_mm"] > 0
+    assert {"iou50", "iou75", "deg10_cm10", "iou50_before"} <= summary.keys()
+
+
 def run_registration_benchmark_of_one(settings) -> dict:
     row = measure_registration(settings, "mug", "mug_0014")
     return {"benchmark": "registration", "rows": [row], "summary": summarise([row])}

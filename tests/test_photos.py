@@ -6,7 +6,9 @@ import yaml
 from PIL import Image
 
 from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.drawing.views import look_at
 from grasptransfer.errors import SettingsError
+from grasptransfer.workshop.benchmark.photo_files import taken_beside
 from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
 from grasptransfer.workshop.benchmark.photos import PhotoSettings, measure_object, read_photos
 from grasptransfer.workshop.benchmark.seen_instances import load_instance, observe_instance
@@ -49,9 +51,22 @@ def test_a_photograph_with_a_mesh_is_scored_by_its_shape(folder):
     assert 0.5 < row["rgb"]["silhouette_iou"] <= 1
     assert row["rgb"]["rms_mm"] == pytest.approx(np.sqrt(row["rgb"]["E"]))  # mm and (1e-3 m)^2
     assert row["mask_iou"] > 0.5
+    assert row["iou50"] == 1
     table = rows_table({"benchmark": "photos", "rows": [row]})
     assert table is not None
     assert table.row_count == 1
+
+
+def test_photographs_of_one_object_are_seen_together_about_45_degrees_apart(folder):
+    (entry, _) = read_photos(folder)
+    poses = [look_at(0.4, np.deg2rad(azimuth), 0.3).tolist() for azimuth in (0, 10, 50, 100, 180)]
+    photos = [
+        entry.model_copy(update={"image": f"{number}.png", "camera_from_object": pose})
+        for number, pose in enumerate(poses)
+    ]
+    assert [photo.image for photo in taken_beside(photos[0], photos, 2)] == ["2.png", "3.png"]
+    assert len(taken_beside(photos[0], photos, 9)) == 4
+    assert taken_beside(photos[0], photos[:1], 1) == []
 
 
 def test_grasps_are_executed_where_a_mesh_is_known(folder):

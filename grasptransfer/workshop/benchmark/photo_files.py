@@ -1,5 +1,6 @@
 """A folder of photographs: `photos.yaml`, and the sets of given poses beside it."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -11,7 +12,9 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from grasptransfer.data_files import read_data
 from grasptransfer.errors import SettingsError
+from grasptransfer.perception.several_pictures import seen_from
 from grasptransfer.workshop.benchmark.given_poses import REGIMES, GivenPoses
+from grasptransfer.workshop.benchmark.seen_instances import APART
 
 TOLD_POSES = "told_poses.yaml"  # image -> set -> camera_from_object, of `--told NAME`
 
@@ -77,6 +80,24 @@ def given_pose(photo: Photo, folder: Path, given: GivenPoses) -> Float[np.ndarra
             "has no pose of this set", path=folder / TOLD_POSES, key=photo.image, value=given.told
         )
     return np.array(found["camera_from_object"], float)
+
+
+def taken_beside(photo: Photo, photos: Sequence[Photo], count: int) -> list[Photo]:
+    """The next `count` photographs of the same object to see together with one: about `APART` aside each.
+
+    Args:
+        photos: of the object.
+        count: how many besides this one; fewer where there are fewer.
+    """
+    others = [other for other in photos if other.image != photo.image]
+    poses = np.array([one.camera_from_object for one in (photo, *others)], float)
+    directions = seen_from(poses)
+    aside = np.arccos(np.clip(directions[1:] @ directions[0], -1, 1))
+    chosen: list[int] = []
+    for number in range(1, min(count, len(others)) + 1):
+        free = [index for index in range(len(others)) if index not in chosen]
+        chosen.append(min(free, key=lambda index: abs(aside[index] - number * APART)))
+    return [others[index] for index in chosen]
 
 
 def poses_on_file(folder: Path) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from grasptransfer.perception.estimators import ESTIMATORS
+from grasptransfer.workshop.benchmark.placed_boxes import mean_shares
 from grasptransfer.workshop.benchmark.reliability import Chance, reliability_table, summarise_chances
 
 SCORES = ("E", "silhouette_iou", "size_error")
@@ -34,7 +35,7 @@ def summarise_photos(rows: list[dict]) -> dict:
     for method in ESTIMATORS:
         summary |= _of_grasps(method, [row[method] for row in rows if "grasp_held" in row.get(method, {})])
     refused = sum(row.get("status") == "out_of_category" for row in rows)
-    return summary | {"refused": refused}
+    return summary | mean_shares(rows) | {"refused": refused}
 
 
 def _of_grasps(method: str, executed: list[dict]) -> dict:

@@ -12,10 +12,13 @@ from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError, SettingsError
+from grasptransfer.frames import invert
+from grasptransfer.options import check_counts
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.estimators import ESTIMATORS, EstimatorSettings, make_estimator
 from grasptransfer.perception.observation import Observation, observe
 from grasptransfer.perception.reconstruction import reconstruct
+from grasptransfer.perception.several_pictures import MOVED_CAMERA, SEPARATE
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.errors_of_shape import (
@@ -23,16 +26,18 @@ from grasptransfer.workshop.benchmark.errors_of_shape import (
     CanonicalSurface,
     outer_surface,
 )
+from grasptransfer.workshop.benchmark.estimators import shown_to
 from grasptransfer.workshop.benchmark.given_poses import REGIMES, GivenPoses
 from grasptransfer.workshop.benchmark.grasp import Outcome, execute
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
-from grasptransfer.workshop.benchmark.options import Categories, Said, Told, Weights, name_trained
+from grasptransfer.workshop.benchmark.options import Categories, Said, Together, Told, Weights, name_trained
 from grasptransfer.workshop.benchmark.photo_files import (
     Photo,
     given_pose,
     given_poses_of,
     poses_on_file,
     read_photos,
+    taken_beside,
 )
 from grasptransfer.workshop.benchmark.photo_summary import summarise_photos
 from grasptransfer.workshop.benchmark.photo_truth import PhotoTruth, open_picture, overlap, silhouette_of
@@ -53,6 +58,7 @@ class PhotoSettings:
 
     photos: Path
     categories: Categories = ()
+    views_together: Together = 1
     told: Told = "estimator"
     pose_sigma: Said = ()
     told_box: bool = True
@@ -62,6 +68,7 @@ class PhotoSettings:
 
     def __post_init__(self):
         name_trained(self)
+        check_counts(self, "views_together")
         _ = self.given
 
     @property
@@ -130,12 +137,16 @@ def measure_object(settings: PhotoSettings, category: str, name: str, share: sli
         share: which of its photographs are measured.
     """
     loaded = load_category(category)
-    photos = [p for p in _photos_of(settings) if (p.category, _object_of(p)) == (category, name)][share]
+    photos = [p for p in _photos_of(settings) if (p.category, _object_of(p)) == (category, name)]
     with Renderer() as renderer:
         made_with = EstimatorSettings(weights=settings.weights)
         names = [name for name, spec in ESTIMATORS.items() if settings.depth or not spec.needs_depth]
         kit = {name: make_estimator(name, loaded, made_with) for name in names}
-        return {"rows": [_measure(p, loaded, kit, renderer=renderer, settings=settings) for p in photos]}
+        rows = []
+        for photo in photos[share]:
+            given = _together(photo, photos, settings)
+            rows.append(_measure(photo, given, loaded, kit, renderer=renderer, settings=settings))
+        return {"rows": rows}
 
 
 def _object_of(photo: Photo) -> str:
@@ -144,13 +155,13 @@ def _object_of(photo: Photo) -> str:
 
 def _measure(
     photo: Photo,
+    given: Observation,
     category: Category,
     kit: dict[str, Estimator],
     *,
     renderer: Renderer,
     settings: PhotoSettings,
 ) -> dict:
-    given = _observation(photo, settings)
     true_pose = np.array(photo.camera_from_object)
     row = {
         "image": photo.image,
@@ -177,19 +188,20 @@ def _measure(
             row["category_score"] = estimate.category_score
             row["status"] = estimate.status.value
             row["mask_iou"] = truth.overlap(estimate, category, renderer)
+            row |= truth.placed(estimate, category, given=observation, true_pose=true_pose)
     return row
 
 
 def _seen_by(names: Iterable[str], given: Observation, *, told_box: bool) -> dict[str, Observation]:
     """What each estimator sees of the photograph; those that need what it comes without are left out."""
-    picture = replace(given, mask=None, depth=None, box=given.box if told_box else None)
+    picture = given.without("mask", "depth", *(() if told_box else ("box",)))
     seen = {}
     for name in names:
         spec = ESTIMATORS[name]
         needed = (spec.needs_box, given.box), (spec.needs_mask, given.mask), (spec.needs_depth, given.depth)
         if any(needs and missing is None for needs, missing in needed):
             continue
-        seen[name] = given if spec.needs_box or spec.needs_depth else picture
+        seen[name] = shown_to(name, given if spec.needs_box or spec.needs_depth else picture)
     return seen
 
 
@@ -203,6 +215,23 @@ def _executed(outcome: Outcome) -> dict:
         "usable_held": sum(usable),
         "executed": [asdict(chance) for chance in outcome.chances],
     }
+
+
+def _together(photo: Photo, photos: list[Photo], settings: PhotoSettings) -> Observation:
+    """The photograph, and those of the same object that are seen together with it.
+
+    Poses with a drawn error have the same one, as of a camera that moved; those of a set on file err each by
+    itself.
+    """
+    first, further = _observation(photo, settings), []
+    drawn = settings.given.told in REGIMES
+    for other in taken_beside(photo, photos, settings.views_together - 1):
+        seen = _observation(other, settings)
+        if drawn:
+            moved = np.array(other.camera_from_object) @ invert(np.array(photo.camera_from_object))
+            seen = replace(seen, camera_from_object=moved @ first.camera_from_object)
+        further.append(seen)
+    return replace(first, further=tuple(further), views=MOVED_CAMERA if drawn else SEPARATE)
 
 
 def _observation(photo: Photo, settings: PhotoSettings) -> Observation:
