@@ -37,6 +37,7 @@ ROOMS = [
     {"transfer"},
     {"options"},
     {"report", "annotator"},
+    {"posing"},
     {"service"},
     {"workshop"},
     {"workshop.objects"},

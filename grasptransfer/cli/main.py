@@ -48,6 +48,8 @@ COMMANDS: Table = {
     "category": "category",
     "train": "train:train",
     "annotate": "annotate:annotate",
+    "pose": "pose:pose",
+    "board": "pose:board",
     "simulate": "transfer:simulate",
     "serve": "serve:serve",
     "convert": "grasps:convert",

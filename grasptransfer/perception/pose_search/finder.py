@@ -17,16 +17,17 @@ from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.boxes import Box
 from grasptransfer.errors import PoseError
-from grasptransfer.frames import rotation_angle, transform_points
+from grasptransfer.frames import check_rigid, rotation_angle, transform_points
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import observe
 from grasptransfer.perception.pose_prior import PoseDeviation
 from grasptransfer.perception.pose_search.chances import FittedChances
-from grasptransfer.perception.pose_search.grid import misfit, pose_in_box, view_rotations
+from grasptransfer.perception.pose_search.grid import misfit, pose_in_box, poses_on_table, view_rotations
 from grasptransfer.perception.pose_search.one_member import OneMember
 from grasptransfer.perception.pose_search.traits import SeenBox, pose_traits, view_traits
 from grasptransfer.perception.pose_search.windows import find_box
 from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.standing import Support
 
 SLENDER = 0.6  # views whose box differs more from the given one, as a logarithm of side ratios, are left out
 FEWEST_VIEWS = 24
@@ -35,6 +36,7 @@ MOST_FITTED, LEAST_CHANCE = 6, 0.01
 # The prior of a fit that begins at a view: half a step of the grid, the size of instances, a detector's box.
 START_TURN, START_ALONG, START_ACROSS = np.deg2rad(15), 0.15, 0.03
 SAME = 0.04  # of the model's size: fits whose surfaces lie nearer are one
+CONTACT_SIGMA = 0.003  # m: paper that is not quite flat, and a board that is found to a millimetre or two
 FEWEST_SHOWN = 0.01  # proposals less likely are not worth a person's look
 
 
@@ -112,20 +114,32 @@ class PoseFinder:
     def _network(self) -> OneMember:
         return OneMember(self.category)
 
-    def find(self, image, *, camera=None, box=None, mask=None) -> tuple[FoundPose, ...]:
+    def find(
+        self, image, *, camera=None, box=None, mask=None, camera_from_table=None
+    ) -> tuple[FoundPose, ...]:
         """Proposals, the likeliest first; arguments as of `find_pose`, or a mask as of `transfer_grasps`.
 
         Raises:
             GraspTransferError: as of `find_pose`.
         """
         seen = self.see(image, camera=camera, box=box, mask=mask)
+        return self.find_in(seen, camera_from_table=camera_from_table)
+
+    def find_in(self, seen: SeenBox, *, camera_from_table=None) -> tuple[FoundPose, ...]:
+        """Proposals for a box in a picture; `camera_from_table` as of `find_pose`."""
+        starts = None
+        if camera_from_table is not None:
+            table = check_rigid(camera_from_table, "camera_from_table")
+            support = Support(table[:3, 3], table[:3, 2], CONTACT_SIGMA)
+            seen = replace(seen, observation=replace(seen.observation, support=support))
+            starts = poses_on_table(self._points, seen.observation.camera, table, seen.box)
         chances = FittedChances.read()
-        fits = self.fit(seen, self.score(seen), chances)
+        fits = self.fit(seen, self.score(seen, starts), chances)
         if not fits:
             raise PoseError("no view of the model fits the picture in this box", key="box", value=seen.box)
         shares = chances.poses.chances(np.stack([fit.traits for fit in fits]))
         order = [index for index in np.argsort(-shares) if shares[index] >= FEWEST_SHOWN or index == 0]
-        return tuple(self._found(fits[index], float(shares[index]), seen, chances) for index in order)
+        return tuple(self._found(fits[index], float(shares[index]), seen) for index in order)
 
     def see(self, image, *, camera=None, box=None, mask=None) -> SeenBox:
         """The picture, checked, and the object's box in it, searched where none is given."""
@@ -137,15 +151,19 @@ class PoseFinder:
         assert observation.box is not None
         return SeenBox(observation, observation.box)
 
-    def score(self, seen: SeenBox) -> ScoredViews:
-        """Compare the picture with the model from each view of the grid that is as slender as the box."""
-        camera = seen.observation.camera
-        poses = np.stack(
-            [pose_in_box(self._points, camera, rotation, seen.box) for rotation in view_rotations()]
-        )
-        apart = np.array([misfit(self._points, camera, pose, seen.box) for pose in poses])
-        limit = max(SLENDER, float(np.sort(apart)[FEWEST_VIEWS - 1]))
-        poses = poses[apart <= limit]
+    def score(self, seen: SeenBox, poses: Float[np.ndarray, "c 4 4"] | None = None) -> ScoredViews:
+        """Compare the picture with the model at each pose; None: all views of the grid, filling the box.
+
+        Of the grid, views whose box is of quite another slenderness are left out.
+        """
+        if poses is None:
+            camera = seen.observation.camera
+            poses = np.stack(
+                [pose_in_box(self._points, camera, rotation, seen.box) for rotation in view_rotations()]
+            )
+            apart = np.array([misfit(self._points, camera, pose, seen.box) for pose in poses])
+            limit = max(SLENDER, float(np.sort(apart)[FEWEST_VIEWS - 1]))
+            poses = poses[apart <= limit]
         return ScoredViews(poses, view_traits(self._network, self.category, seen, poses))
 
     def fit(self, seen: SeenBox, views: ScoredViews, chances: FittedChances) -> list[Fitted]:
@@ -187,15 +205,29 @@ class PoseFinder:
         canonical = float(np.linalg.norm(np.ptp(self._points, axis=0)))
         return (placed * canonical / size)[:: max(1, len(placed) // 1500)]
 
-    def _found(self, fit: Fitted, chance: float, seen: SeenBox, chances: FittedChances) -> FoundPose:
-        pose = fit.estimate.camera_from_object
-        covariance = np.deg2rad(chances.turn) ** 2 * np.eye(6)
-        covariance[3:, 3:] = _shift_covariance(pose, chances.along_ray, chances.across_ray)
-        return FoundPose(pose, chance, covariance, seen.box, fit.estimate)
+    def _found(self, fit: Fitted, chance: float, seen: SeenBox) -> FoundPose:
+        pose, covariance = fit.estimate.camera_from_object, fit.estimate.covariance
+        sigma = uncertainty_of(pose)
+        if seen.observation.support is not None and covariance is not None:
+            sigma = covariance[:6, :6]  # on a table, distance no longer hangs on the size
+        return FoundPose(pose, chance, sigma, seen.box, fit.estimate)
+
+
+def uncertainty_of(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "6 6"]:
+    """Covariance of the error of a right pose whose distance follows from the object's size alone."""
+    chances = FittedChances.read()
+    covariance = np.deg2rad(chances.turn) ** 2 * np.eye(6)
+    covariance[3:, 3:] = _shift_covariance(camera_from_object, chances.along_ray, chances.across_ray)
+    return covariance
 
 
 def find_pose(
-    image, category: str | Path | Category, *, camera: Camera | str | Path | object = None, box=None
+    image,
+    category: str | Path | Category,
+    *,
+    camera: Camera | str | Path | object = None,
+    box=None,
+    camera_from_table=None,
 ) -> tuple[FoundPose, ...]:
     """Propose poses of an instance from one RGB picture, the likeliest first.
 
@@ -208,11 +240,13 @@ def find_pose(
         category: name, folder or loaded `Category`.
         camera: as of `transfer_grasps`.
         box: (u0, v0, u1, v1) around the object [px], or None: the picture is searched.
+        camera_from_table: (4, 4) a table on which the object stands, z up from it [m], or None. It decides
+            distance and tilt, so that only the heading is searched.
 
     Raises:
         GraspTransferError: wrong input, or nothing that looks like the category was found.
     """
-    return PoseFinder(category).find(image, camera=camera, box=box)
+    return PoseFinder(category).find(image, camera=camera, box=box, camera_from_table=camera_from_table)
 
 
 def _spread(poses: Float[np.ndarray, "c 4 4"], shares: Float[np.ndarray, "c"]) -> list[int]:

@@ -2,15 +2,19 @@
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
 from grasptransfer.drawing.boxes import Box, projected_box
 from grasptransfer.drawing.views import look_at, towards
+from grasptransfer.errors import PoseError
+from grasptransfer.frames import rigid
 from grasptransfer.perception.zoom import centre_on_box
 
 # The networks were trained with poses turned by up to 10 degrees (`training/scenes.py: WIDE_NOISE`): no view
 # is farther than that in azimuth from one of these, nor in elevation.
 AZIMUTHS = 18
+HEADINGS = 24  # on a table, where elevation and roll are known
 ELEVATIONS = (5, 22, 40, 58, 76)  # degrees, of the camera above the object
 
 
@@ -43,6 +47,33 @@ def pose_in_box(
         pose[:3, 3] *= max(1.0, 1.5 * farthest / pose[2, 3])  # all of the model stays before the camera
         pose = centre_on_box(points_object, camera, pose, box)
     return pose
+
+
+def poses_on_table(
+    points_object: Float[np.ndarray, "m 3"],
+    camera: Camera,
+    camera_from_table: Float[np.ndarray, "4 4"],
+    box: Box,
+) -> Float[np.ndarray, "c 4 4"]:
+    """Poses of every heading at which the model stands on a table, its middle on the ray of the box's middle.
+
+    Args:
+        camera_from_table: z up from the table [m].
+
+    Raises:
+        PoseError: the ray does not meet the table from above.
+    """
+    up, point = camera_from_table[:3, 2], camera_from_table[:3, 3]
+    ray = camera.unproject(np.array([box[0] + box[2], box[1] + box[3]]) / 2, np.array(1.0))
+    height = -float(points_object[:, 2].min())  # of the model's origin above the table
+    distance = float((point @ up + height) / (ray @ up)) if abs(ray @ up) > 1e-6 else -1.0
+    if distance <= 0 or point @ up >= 0:
+        raise PoseError("does not lie below the camera in the box's direction", key="camera_from_table")
+    poses = []
+    for heading in np.arange(HEADINGS) * (2 * np.pi / HEADINGS):
+        turn = Rotation.from_rotvec([0.0, 0.0, heading]).as_matrix()
+        poses.append(rigid(camera_from_table[:3, :3] @ turn, ray * distance))
+    return np.stack(poses)
 
 
 def misfit(points_object: Float[np.ndarray, "m 3"], camera: Camera, pose, box: Box) -> float:

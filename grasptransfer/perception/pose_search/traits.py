@@ -98,7 +98,7 @@ def pose_traits(
         np.log(motion.pixel_scale).mean(),
         np.log(motion.offset_scale).mean(),
         _shown_overlap(estimator, vertices, pose, look),
-        _box_overlap(box, seen.box),
+        box_overlap(box, seen.box),
     ])  # fmt: skip
 
 
@@ -111,7 +111,7 @@ def _overlap(a: np.ndarray, b: np.ndarray) -> float:
     return float((a & b).sum() / max((a | b).sum(), 1))
 
 
-def _box_overlap(a: Box, b: Box) -> float:
+def box_overlap(a: Box, b: Box) -> float:
     """Intersection over union of two boxes."""
     wide = min(a[2], b[2]) - max(a[0], b[0])
     high = min(a[3], b[3]) - max(a[1], b[1])
