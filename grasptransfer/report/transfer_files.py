@@ -143,6 +143,8 @@ def sentence(result: TransferResult, trials: "Sequence[TrialResult]", out: Path)
     if trials:
         held = sum(trial.held for trial in trials)
         text += f"; {held} of the {len(trials)} executed held ({trials[0].protocol} in {trials[0].engine})"
+    if result.pose_note is not None:
+        text += f". {result.pose_note.rstrip('.')}"
     if result.status.value != "ok":
         text += f". {result.advice.rstrip('.')}"
     return f"{text}. Look at {out / REPORT}; grasps: {out / GRASPS}; mesh: {out / RECONSTRUCTION}"

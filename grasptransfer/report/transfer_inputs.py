@@ -31,7 +31,8 @@ class TransferSettings:
             its entry in the pose file, or a pose file of its name in a folder of poses.
         category: name or folder of the category.
         pose: YAML with camera_from_object (4x4, OpenCV, metres); also of BOP, ROS, MegaPose, and 4x4 text. Of
-            several pictures one each, or one with an entry of each.
+            several pictures one each, or one with an entry of each. Without it the pose of a picture is
+            searched, as `grasptransfer pose` does, and the report says how likely it is.
         out: folder for report.html, grasps.yaml and reconstruction.glb; files of these names are replaced. Of
             a folder of pictures, each has its folder in it.
         camera: YAML with fx fy cx cy width height; also camera_info, calibrations, 3x3 text; without it the
@@ -58,8 +59,8 @@ class TransferSettings:
 
     image: Positional[Annotated[tuple[Path, ...], arg(metavar="IMAGE")]]
     category: str
-    pose: tuple[Path, ...]
     out: Path
+    pose: tuple[Path, ...] = ()
     camera: tuple[Path, ...] = ()
     gripper: str = "panda"
     grasps: Path | None = None
@@ -97,7 +98,10 @@ def _check_lengths(settings: TransferSettings) -> None:
     count = len(settings.image)
     if count == 0:
         raise SettingsError("names no picture", key="image", value=settings.image)
-    for key, others in (("pose", (1,)), ("camera", (0, 1)), ("mask", (0,)), ("depth", (0,))):
+    if not settings.pose and (count > 1 or settings.execute is not None):
+        why = "of several pictures" if count > 1 else "that the mesh stands at"
+        raise SettingsError(f"needs the pose {why}", key="pose", fix="Give a pose file")
+    for key, others in (("pose", (0, 1)), ("camera", (0, 1)), ("mask", (0,)), ("depth", (0,))):
         found = len(getattr(settings, key))
         if found not in (count, *others):
             raise SettingsError(f"must name {count}, one for each picture", key=key, value=f"{found} of them")
@@ -133,7 +137,7 @@ def read_inputs(settings: TransferSettings) -> TransferInputs:
         "views": settings.views,
         "scene": None if settings.scene is None else load_scene(settings.scene),
     }
-    if count > len(settings.pose) and len({one["pose"].tobytes() for one in pictures}) == 1:
+    if 0 < len(settings.pose) < count and len({one["pose"].tobytes() for one in pictures}) == 1:
         fix = "Give one pose file for each, or one with an entry of each"
         raise SettingsError("holds one pose for several pictures", key="pose", path=settings.pose[0], fix=fix)
     together = {key: [one[key] for one in pictures] for key in pictures[0]}
@@ -146,14 +150,15 @@ def read_inputs(settings: TransferSettings) -> TransferInputs:
 def _read_picture(settings: TransferSettings, number: int) -> dict[str, Any]:
     """One picture, and what is given of it."""
     image = settings.image[number]
-    pixels, given = read_image(image), read_pose(_of(settings.pose, number), image=image)
+    pixels, pose = read_image(image), _of(settings.pose, number)
+    given = None if pose is None else read_pose(pose, image=image)
     camera, mask, depth = (_of(files, number) for files in (settings.camera, settings.mask, settings.depth))
     return {
         "image": pixels,
-        "pose": given.camera_from_object,
+        "pose": given and given.camera_from_object,
         "camera": camera_of(image, camera, *pixels.shape[1::-1]),
-        "pose_sigma": given.pose_sigma if settings.pose_sigma is None else settings.given_sigma,
-        "box": settings.box[4 * number : 4 * number + 4] or given.box,
+        "pose_sigma": given and given.pose_sigma if settings.pose_sigma is None else settings.given_sigma,
+        "box": settings.box[4 * number : 4 * number + 4] or (given and given.box),
         "mask": None if mask is None else load_mask(mask),
         "depth": None if depth is None else load_depth(depth),
     }
