@@ -9,13 +9,15 @@ from jaxtyping import Float
 from grasptransfer.annotator.requests import Request, Requests
 from grasptransfer.errors import GraspTransferError
 from grasptransfer.frames import rigid
-from grasptransfer.posing.session import PoseSession, describe
+from grasptransfer.posing.session import PoseSession
 from grasptransfer.yaml_models import Quaternion, quaternion_of
 
 MODEL = (40, 205, 190)
 OPACITY = 0.45
 BEHIND = 1.6  # the photograph stands so many times as far away as the object
 ROOM = 1.06  # of the view around the photograph
+BESIDE = 0.75  # share of a wide window that the panel leaves
+RAISED = 0.6  # of half the view: how far a tall window shows the photograph above its middle
 TURNS = {"turn left": ((0, 0, 1), 10.0), "turn right": ((0, 0, 1), -10.0), "half turn": ((0, 0, 1), 180.0)}
 HELP = (
     "The model lies over the photograph. **Drag** its arrows and rings until the outline fits, or take a "
@@ -68,15 +70,17 @@ class PosePage:
         self._controls = scene.add_transform_controls("/object", scale=scale, depth_test=False)
         self._controls.on_update(lambda _: self._dragged())
         self._controls.on_drag_end(lambda _: self._later(session.end_of_move))
-        self._fov = 2 * float(np.arctan(ROOM * camera.height / 2 / camera.fy))
+        self._half_sides = camera.width / 2 / camera.fx, camera.height / 2 / camera.fy
 
     def _build_panel(self) -> None:
         gui, session = self.server.gui, self.session
+        gui.configure_theme(control_layout="fixed")  # beside the photograph, not over it
         gui.add_markdown(f"### pose of a {session.category.name.replace('_', ' ')}\n{HELP}")
-        names = [f"{number + 1}: {describe(one)}" for number, one in enumerate(session.proposals)]
-        if names:
-            self.proposal = gui.add_dropdown("proposal", names)
-            self.proposal.on_update(lambda _: self._later(self._chosen))
+        chances = enumerate((one.chance for one in session.proposals), 1)
+        self.proposal = gui.add_dropdown(
+            "proposal", [f"{number}: {chance:.0%} likely" for number, chance in chances]
+        )
+        self.proposal.on_update(lambda _: self._later(self._chosen))
         self.status = gui.add_markdown("")
         self.distance = gui.add_number("distance [m]", session.distance, step=0.005, min=0.05, max=20.0)
         self.distance.on_update(lambda _: self._typed())
@@ -137,9 +141,8 @@ class PosePage:
             receive_shadow=False,
         )
         self._photograph.image = session.overlay()
-        self.status.content = (
-            f"{session.sentence}\n\nits box covers **{session.box_overlap:.0%}** of the object's"
-        )
+        overlap = f"its box and the object's overlap by **{session.box_overlap:.0%}**"
+        self.status.content = f"{session.sentence}\n\n{overlap}"
         if place:
             self._place()
         self._loading = True
@@ -165,9 +168,13 @@ class PosePage:
 
     def _look_through(self, client: Any) -> None:
         """Put a client's eye where the camera was: model and photograph lie over each other then."""
-        camera = self.session.camera
+        camera, aspect = self.session.camera, float(client.camera.aspect)
+        wide, high = self._half_sides
+        half = ROOM * max(high, wide / (aspect * BESIDE if aspect > 1 else aspect))
         middle = camera.unproject(np.array([camera.width - 1, camera.height - 1]) / 2, np.array(1.0))
+        if aspect < 1:
+            middle[1] += RAISED * half  # a phone's panel covers the lower part
         client.camera.up_direction = (0.0, -1.0, 0.0)
         client.camera.position = (0.0, 0.0, 0.0)
         client.camera.look_at = tuple(middle)
-        client.camera.fov = self._fov
+        client.camera.fov = 2 * float(np.arctan(half))
