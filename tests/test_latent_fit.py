@@ -15,6 +15,7 @@ from grasptransfer.registration import (
     DisplacementModel,
     GaussianPosePrior,
     LatentFitStatus,
+    Matching,
     PreparedSource,
     ShapeSpace,
     latent_fit,
@@ -59,7 +60,7 @@ def dense(space: ShapeSpace, latent, *, seed: int = 5) -> np.ndarray:
 
 def error(fit, space: ShapeSpace, truth: np.ndarray) -> float:
     """RMS distance of corresponding points [m], told object frame."""
-    points, pose = cup(800, 5), fit.told_from_refined
+    points, pose = cup(800, 5), fit.given_from_refined
     found = space.field(fit.latent)(points) @ pose[:3, :3].T + pose[:3, 3]
     return float(np.sqrt(np.square(found - truth).sum(1).mean()))
 
@@ -71,7 +72,7 @@ LATENTS = [np.zeros(3), np.array([1.5, -1.0, 0.5]), np.array([-1.0, 1.5, 1.0])]
 def test_a_full_cloud_gives_its_shape_back(space, latent):
     truth = dense(space, latent)
     # Nearest points jump from step to step: one of these takes SciPy 1.15 54 steps, and 1.17 twelve.
-    fit = latent_fit(space, truth, model_points=cup(1500, 9), max_iterations=100)
+    fit = latent_fit(space, truth, model_points=cup(1500, 9), matching=Matching(max_iterations=100))
     assert fit.status is LatentFitStatus.CONVERGED
     # The model's points are 4 mm apart, the cloud's others.
     assert error(fit, space, truth) < 0.001
@@ -86,7 +87,7 @@ def test_shape_and_pose_are_found_together(space, latent):
     fit = latent_fit(space, truth, model_points=cup(1500, 9), refine_pose=True)
     assert error(fit, space, truth) < 0.0015
     kept = latent_fit(space, truth, model_points=cup(1500, 9))
-    assert np.array_equal(kept.told_from_refined, np.eye(4))
+    assert np.array_equal(kept.given_from_refined, np.eye(4))
     assert error(kept, space, truth) > 3 * error(fit, space, truth)
 
 
@@ -112,11 +113,11 @@ def test_a_partial_cloud_gives_the_hidden_side(space):
     assert error(fit, space, truth) < 0.3 * undeformed
 
 
-def test_fewer_points_leave_more_doubt(space):
+def test_fewer_points_leave_a_larger_variance(space):
     truth = dense(space, LATENTS[1])
-    doubt = [np.trace(latent_fit(space, truth[::step]).covariance) for step in (1, 8, 64)]
-    assert doubt == sorted(doubt)
-    assert doubt[-1] < 3  # and never more than the prior's
+    variances = [np.trace(latent_fit(space, truth[::step]).covariance) for step in (1, 8, 64)]
+    assert variances == sorted(variances)
+    assert variances[-1] < 3  # and never more than the prior's
 
 
 def test_far_outliers_are_ignored(space):
@@ -174,7 +175,9 @@ def test_it_fits_no_worse_than_nearest_points_alone(space):
             return KDTree(displacement.displaced(model, x)).query(cloud)[0]
 
         theirs = np.square(distances(least_squares(distances, np.zeros(3)).x)).mean()
-        ours = np.square(distances(latent_fit(space, cloud, robust_scale=100.0, sliding=0.0).latent)).mean()
+        ours = np.square(
+            distances(latent_fit(space, cloud, matching=Matching(100.0, sliding=0.0)).latent)
+        ).mean()
         assert ours < 1.01 * theirs  # the prior may cost a little where the optimum is the same
 
 
@@ -203,7 +206,7 @@ def test_a_cloud_of_something_else_is_a_poor_fit(space):
 
 
 def test_the_iteration_limit_is_reported(space):
-    fit = latent_fit(space, dense(space, LATENTS[2]), max_iterations=2)
+    fit = latent_fit(space, dense(space, LATENTS[2]), matching=Matching(max_iterations=2))
     assert fit.status is LatentFitStatus.ITERATION_LIMIT
 
 
@@ -217,7 +220,7 @@ def test_the_same_cloud_gives_the_same_fit(space):
     cloud = dense(space, LATENTS[1])
     a, b = (latent_fit(space, cloud, refine_pose=True) for _ in range(2))
     assert np.array_equal(a.latent, b.latent)
-    assert np.array_equal(a.told_from_refined, b.told_from_refined)
+    assert np.array_equal(a.given_from_refined, b.given_from_refined)
 
 
 @pytest.mark.parametrize(

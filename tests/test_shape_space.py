@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasptransfer.errors import FieldFileError, PointCloudError, SettingsError
-from grasptransfer.registration import DeformationField, ShapeSpace
+from grasptransfer.registration import DeformationField, EmSettings, ShapeSpace
 from grasptransfer.registration.clouds import Normaliser
 from grasptransfer.registration.kernels import gaussian
 from grasptransfer.registration.ppca import fit_closed, fit_em
@@ -120,7 +120,7 @@ def test_unbelieved_weights_are_never_looked_at():
     found = []
     for garbage in (0.0, 1e6):
         weights[3, :8] = garbage
-        found.append(learn(weights, n_modes=3, metric="W", method="em", observed=observed))
+        found.append(learn(weights, n_modes=3, metric="W", em=EmSettings(observed)))
     assert np.array_equal(found[0].mean, found[1].mean)
     assert np.array_equal(found[0].basis, found[1].basis)
 
@@ -128,8 +128,8 @@ def test_unbelieved_weights_are_never_looked_at():
 def test_unbelieved_displacements_leave_a_smooth_space_near_the_true_one():
     weights, points = training(10, noise=0.0005), control()
     observed = np.random.default_rng(0).random(weights.shape[:2]) > 0.2
-    full = learn(weights, n_modes=3, method="em")
-    partial = learn(weights, n_modes=3, method="em", observed=observed)
+    full = learn(weights, n_modes=3, em=EmSettings())
+    partial = learn(weights, n_modes=3, em=EmSettings(observed))
     between = np.random.default_rng(1).normal(size=(50, 3)) * 0.05
     for where in (points, between):
         miss = partial.displacement_model(where).mean - full.displacement_model(where).mean

@@ -92,7 +92,7 @@ class ClsEstimator:
         space = self.category.shape_space
         exact = observation.pose_covariance is not None and not observation.pose_covariance.any()
         fit = latent_fit(space, cloud, refine_pose=self.refine_pose and not exact, viewpoint=viewpoint)
-        pose = observation.camera_from_object @ fit.told_from_refined
+        pose = observation.camera_from_object @ fit.given_from_refined
         return ShapeEstimate(
             field=space.field(fit.latent),
             camera_from_object=pose,

@@ -10,9 +10,9 @@ from grasptransfer.registration.displacement_model import DisplacementModel, mot
 from grasptransfer.registration.field import DeformationField, FieldPair, register_pair
 from grasptransfer.registration.field_metric import Metric
 from grasptransfer.registration.fit_residuals import GaussianPosePrior
-from grasptransfer.registration.latent_fit import LatentFit, LatentFitStatus, latent_fit
+from grasptransfer.registration.latent_fit import LatentFit, LatentFitStatus, Matching, latent_fit
 from grasptransfer.registration.posterior import LatentPosterior, SpaceScore
-from grasptransfer.registration.shape_space import ShapeSpace
+from grasptransfer.registration.shape_space import EmSettings, ShapeSpace
 
 __all__ = [
     "CpdProgress",
@@ -20,11 +20,13 @@ __all__ = [
     "CpdStatus",
     "DeformationField",
     "DisplacementModel",
+    "EmSettings",
     "FieldPair",
     "GaussianPosePrior",
     "LatentFit",
     "LatentFitStatus",
     "LatentPosterior",
+    "Matching",
     "Metric",
     "PreparedSource",
     "ShapeSpace",

@@ -101,18 +101,12 @@ def cpd(
         NotSucceeded: `strict`, and the iteration limit was hit.
     """
     options = Options.checked(lam, outlier_weight, tolerance, max_iterations)
-    if not isinstance(source, PreparedSource):
-        source = PreparedSource(source, beta=2.0 if beta is None else beta)
-    source.check_beta(beta)
+    source = _prepared(source, beta)
     target = check_target(target, source, align_first=align_first, outlier_weight=options.outlier_weight)
     with single_blas_thread():
+        weight = options.starts[0][0]
         target_from_source = align(
-            source.points,
-            target,
-            align_first,
-            outlier_weight=options.starts[0][0],
-            backend=backend,
-            threads=threads,
+            source.points, target, align_first, outlier_weight=weight, backend=backend, threads=threads
         )
         seen = source.normaliser(transform_points(np.linalg.inv(target_from_source), target))
         known = check_correspondences(correspondences, correspondence_std, source, seen)
@@ -141,6 +135,13 @@ def cpd_all(
     """
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(lambda target: cpd(source, target, threads=1, **options), targets))
+
+
+def _prepared(source: Shaped[np.ndarray, "..."] | PreparedSource, beta: float | None) -> PreparedSource:
+    if not isinstance(source, PreparedSource):
+        source = PreparedSource(source, beta=2.0 if beta is None else beta)
+    source.check_beta(beta)
+    return source
 
 
 def _lowest(

@@ -123,13 +123,13 @@ class EStep:
         self._follow(points)
         reach = 2 * variance * (CUTOFF + self._worst_traits * np.log(2))
         inlier = np.empty(self._target.shape[1])
-        arguments = (self._own_traits, variance, np.float32(reach), log_outlier, inlier, self._nearest)
+        common = corners, (variance, np.float32(reach), log_outlier), (inlier, self._nearest)
         groups = -(-self._target.shape[1] // GROUP)
         cuts = [min(GROUP * (groups * i // self._pieces), self._target.shape[1]) for i in range(self._pieces)]
         ranges = list(zip(cuts, [*cuts[1:], self._target.shape[1]], strict=True))
         submit = self._pool.submit if self._pool else None
-        waiting = [submit(self._task, *piece, corners, *arguments) for piece in ranges[1:]] if submit else []
-        parts = [self._task(*ranges[0], corners, *arguments), *(future.result() for future in waiting)]
+        waiting = [submit(self._task, piece, *common) for piece in ranges[1:]] if submit else []
+        parts = [self._task(ranges[0], *common), *(future.result() for future in waiting)]
         sums, squared, likelihoods = zip(*parts, strict=True)
         total = reduce(np.add, sums).astype(float)
         unordered = np.empty_like(inlier)
@@ -145,17 +145,18 @@ class EStep:
             self._nearest = np.square(np.sqrt(self._nearest) + farthest + np.float32(1e-6))
         self._before = moved.copy()
 
-    def _task(self, first, last, corners, *arguments):
-        """Sums (4, n) over targets [first, last), squared distance and log-likelihood."""
+    def _task(self, piece: tuple[int, int], corners, kernel, found):
+        """Sums (4, n) over the targets of a piece, squared distance and log-likelihood."""
+        targets = self._target, self._own_traits
         if not self._compiled:
             from grasptransfer.registration.expectation_numpy import expect
 
-            return expect(self._target, first, last, self._rows[:, : self._count], corners, *arguments)
+            return expect(targets, piece, self._rows[:, : self._count], corners, kernel, found)
         from grasptransfer.registration.expectation_compiled import expect
 
         boxes = np.ascontiguousarray(self._rows.reshape(len(self._rows), -1, BLOCK).transpose(1, 0, 2))
         sums = np.zeros((len(boxes), 4, BLOCK), np.float32)
-        squared, likelihood = expect(self._target, first, last, boxes, *corners, *arguments, sums=sums)
+        squared, likelihood = expect(targets, piece, boxes, corners, kernel, found, sums)
         return sums.transpose(1, 0, 2).reshape(4, -1)[:, : self._count], squared, likelihood
 
     def _ordered_traits(self, traits: Traits | None):

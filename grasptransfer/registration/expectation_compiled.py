@@ -186,15 +186,15 @@ def _scatter(group_sums, near, sums):
 
 @njit(**WITHIN)
 @no_type_check
-def _expect_group(
-    targets, first, last, rows, length, traits, variance, log_outlier, powers, costs, sums, inlier, nearest
-):
-    """Responsibilities of targets [first, last) among the source points in `rows`, added to `sums`."""
+def _expect_group(targets, piece, rows, length, kernel, scratch, found):
+    """Responsibilities of the targets of a piece among the source points in `rows`, added to the sums."""
+    (points, traits), (first, last), (inlier, nearest) = targets, piece, found
+    (variance, _, log_outlier), (powers, costs, sums) = kernel, scratch
     factor, half = np.float32(-0.5 * LOG2_E / variance), 0.5 / variance
     xyz, share = np.zeros((3, GROUP), np.float32), np.zeros(GROUP, np.float32)
     squared, likelihood, product = 0.0, 0.0, 1.0
     for j in range(last - first):
-        x, y, z = targets[0, first + j], targets[1, first + j], targets[2, first + j]
+        x, y, z = points[0, first + j], points[1, first + j], points[2, first + j]
         xyz[0, j], xyz[1, j], xyz[2, j] = x, y, z
         distance = cost = costs[0, :length]
         nearest[first + j] = least = _measure(
@@ -219,28 +219,25 @@ def _expect_group(
 
 @njit(**COMPILE)
 @no_type_check
-def expect(
-    targets, first, last, boxes, low, high, traits, variance, reach, log_outlier, inlier, nearest, sums
-):
-    """Responsibilities of targets [first, last), summed up as the M-step needs them.
+def expect(targets, piece, boxes, corners, kernel, found, sums):
+    """Responsibilities of a piece of the targets, summed up as the M-step needs them.
 
     Args:
-        targets: (3, m) float32.
-        first, last: of a range of targets; `first` is a multiple of GROUP.
+        targets: (3, m) float32 points, and (t, m) float32 other properties of them; t may be 0. A
+            difference d in one of these makes a match less likely by 2^(-d^2).
+        piece: first and last of the targets [first, last); `first` is a multiple of GROUP.
         boxes: (b, 3 + t, BLOCK) float32 source points and their traits, box by box; padded far away.
-        low, high: (3, b) corners of the boxes.
-        traits: (t, m) float32 other properties of the targets, t may be 0: a difference d in one
-            makes a match less likely by 2^(-d^2).
-        reach: squared distance beyond the nearest source point where the kernel counts as zero.
-        log_outlier: log of the outlier term beside the sum of exponentials.
-        inlier: (m,) P^T 1, written.
-        nearest: (m,) float32 upper bounds of the squared distance to the nearest source point; the
-            distance itself is written.
+        corners: (3, b) least and (3, b) largest coordinates of the boxes.
+        kernel: variance; squared distance beyond the nearest source point where the kernel counts as zero;
+            logarithm of the outlier term beside the sum of exponentials.
+        found: written: (m,) P^T 1, and (m,) float32 squared distances to the nearest source point, which come
+            as upper bounds.
         sums: (b, 4, BLOCK) float32 P 1, then P X; added to.
 
     Returns:
         sum of P times squared distance; sum of log(sum of exponentials + outlier term).
     """
+    points, (first, last), (low, high), reach, nearest = targets[0], piece, corners, kernel[1], found[1]
     count, width = len(boxes), -(-len(boxes) * BLOCK // STRIP) * STRIP
     wide, near, closest = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.float32)
     few_low, few_high = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
@@ -250,32 +247,19 @@ def expect(
     for start in range(first, last, WIDE):
         stop = min(start + WIDE, last)
         bound = _extent(nearest[start:stop])[1]
-        found = _near_boxes(targets[:, start:stop], low, high, count, bound, reach, wide, closest)
-        _choose(low, wide[:found], few_low)
-        _choose(high, wide[:found], few_high)
+        few = _near_boxes(points[:, start:stop], low, high, count, bound, reach, wide, closest)
+        _choose(low, wide[:few], few_low)
+        _choose(high, wide[:few], few_high)
         for group in range(start, stop, GROUP):
             end = min(group + GROUP, stop)
             bound = _extent(nearest[group:end])[1]
-            own = _near_boxes(targets[:, group:end], few_low, few_high, found, bound, reach, near, closest)
+            own = _near_boxes(points[:, group:end], few_low, few_high, few, bound, reach, near, closest)
             for i in range(own):
                 near[i] = wide[near[i]]
             length = _gather(boxes, near[:own], rows)
             group_sums[:, :length] = 0.0
-            added = _expect_group(
-                targets,
-                group,
-                end,
-                rows,
-                length,
-                traits,
-                variance,
-                log_outlier,
-                powers,
-                costs,
-                group_sums,
-                inlier,
-                nearest,
-            )
+            scratch = powers, costs, group_sums
+            added = _expect_group(targets, (group, end), rows, length, kernel, scratch, found)
             squared += added[0]
             likelihood += added[1]
             _scatter(group_sums, near[:own], sums)

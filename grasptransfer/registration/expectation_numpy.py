@@ -15,25 +15,24 @@ SMALL = 60.0  # exponents that float32 holds with ease
 COARSE = 2000.0  # |y|^2 / sigma^2 above which |x|^2 - 2 x y + |y|^2 in float32 is too coarse
 
 
-def expect(
-    targets, first, last, rows, corners, traits, variance, reach, log_outlier, inlier, nearest
-) -> tuple[Float[np.ndarray, "4 n"], float, float]:
+def expect(targets, piece, rows, corners, kernel, found) -> tuple[Float[np.ndarray, "4 n"], float, float]:
     """What `expectation_compiled.expect` gives: P 1 and P X, sum of P times squared distance, log-likelihood.
 
     Args:
         rows: (3 + t, n) float32 source points and their traits.
-        corners: (3, b) least and (3, b) largest coordinates of their boxes.
+        targets, piece, corners, kernel, found: as for the compiled one.
     """
+    (all_points, traits), (first, last), (inlier, nearest) = targets, piece, found
+    variance, reach, log_outlier = kernel
     moved, others = rows[:3], rows[3:]
     sums = np.zeros((4, moved.shape[1]))
     squared = likelihood = 0.0
     half = np.float32(0.5 / variance)
     size = min(CHUNK, max(CHUNK_PAIRS // moved.shape[1], GROUP))
-    starts = range(first, last, size)
-    reached, shifts, centres = _near(targets[:, first:last], size, corners, nearest[first:last], reach)
-    for start, close, centre in zip(starts, reached, centres, strict=True):
+    reached, shifts, centres = _near(all_points[:, first:last], size, corners, nearest[first:last], reach)
+    for start, close, centre in zip(range(first, last, size), reached, centres, strict=True):
         chunk = slice(start, min(start + size, last))
-        points = targets[:, chunk]
+        points = all_points[:, chunk]
         near = slice(None) if close.all() else np.repeat(close, BLOCK)[: moved.shape[1]].nonzero()[0]
         shift = shifts[start - first : chunk.stop - first]
         exponent = _exponents(points - centre, moved[:, near] - centre, shift, half)
@@ -58,11 +57,16 @@ def expect(
         else:
             squared += float(share @ np.einsum("gn,gn->g", power, distance))
         likelihood += float(log_all.sum())
-        weighted = np.ones((4, len(shift)), np.float32)
-        weighted[1:] = points
-        weighted *= share
-        sums[:, near] += weighted @ power
+        sums[:, near] += _moments(points, share) @ power
     return sums, squared, likelihood
+
+
+def _moments(points: Float[np.ndarray, "3 g"], share: Float[np.ndarray, "g"]) -> Float[np.ndarray, "4 g"]:
+    """One and the coordinates of each target, times its share."""
+    weighted = np.ones((4, points.shape[1]), np.float32)
+    weighted[1:] = points
+    weighted *= share
+    return weighted
 
 
 def _near(targets, size, corners, bounds, reach):

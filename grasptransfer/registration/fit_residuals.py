@@ -68,7 +68,7 @@ class Posed:
         return np.zeros(len(self.root_precision))
 
     def pose(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "4 4"]:
-        """`told_from_refined`."""
+        """`given_from_refined`."""
         pose = self.initial.copy()
         if self.prior is not None:
             pose[:3, :3] = Rotation.from_rotvec(state[:3]).as_matrix() @ pose[:3, :3]

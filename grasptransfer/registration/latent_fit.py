@@ -3,7 +3,7 @@
 | symbol | name |
 | --- | --- |
 | Z + mean(Z) + basis(Z) x | shape: `displacement_model` at the model points |
-| R, t | `told_from_refined`: correction of the pose the cloud was expressed in |
+| R, t | `given_from_refined`: correction of the pose the cloud was expressed in |
 | p_j | observed points, given object frame |
 
 First EM with soft matches and a falling variance, as in CPD, but the M-step moves the latent and the
@@ -65,7 +65,7 @@ class LatentFit:
         latent: (k,) standard deviations.
         joint_covariance: (6 + k, 6 + k) posterior covariance of turn about the refined object's origin [rad]
             and shift [m], both along the given object axes, and latent; 0 for a pose that was kept.
-        told_from_refined: (4, 4) points of the refined object frame in the frame of the cloud.
+        given_from_refined: (4, 4) points of the refined object frame in the frame of the cloud.
         residual_rms: of the observed points to their nearest model points [m].
         noise_std: of the matches, as estimated [m].
         cost: half the robust squared residuals and the prior's: a negative log posterior.
@@ -75,7 +75,7 @@ class LatentFit:
 
     latent: Float[np.ndarray, "k"]
     joint_covariance: Float[np.ndarray, "s s"]
-    told_from_refined: Float[np.ndarray, "4 4"]
+    given_from_refined: Float[np.ndarray, "4 4"]
     residual_rms: float
     noise_std: float
     cost: float
@@ -88,64 +88,71 @@ class LatentFit:
         return self.joint_covariance[6:, 6:]
 
 
+@dataclass(frozen=True)
+class Matching:
+    """How the least squares of a fit match points.
+
+    Args:
+        robust_scale: residuals beyond this many standard deviations count less.
+        sliding: how freely matches slide along the surface, 0 to 1: at 0 the distance between points is
+            minimised, which holds a dense cloud where it was first matched.
+        max_iterations: iterations of the least squares.
+
+    Raises:
+        SettingsError: `robust_scale` not positive, or `sliding` not within 0 and 1.
+    """
+
+    robust_scale: float = 3.0
+    sliding: float = 0.8
+    max_iterations: int = 50
+
+    def __post_init__(self):
+        object.__setattr__(self, "robust_scale", positive(self.robust_scale, "robust_scale"))
+        if not 0 <= self.sliding <= 1:
+            raise SettingsError("must be between 0 and 1", key="sliding", value=self.sliding)
+
+
 def latent_fit(
     space: ShapeSpace,
     points_object: Shaped[np.ndarray, "..."],
     *,
     model_points: Float[np.ndarray, "p 3"] | None = None,
     initial_pose: Float[np.ndarray, "4 4"] | None = None,
-    refine_pose: bool = False,
-    pose_prior: GaussianPosePrior | None = None,
+    refine_pose: bool | GaussianPosePrior = False,
     viewpoint: Float[np.ndarray, "3"] | None = None,
-    robust_scale: float = 3.0,
-    sliding: float = 0.8,
-    max_iterations: int = 50,
+    matching: Matching | None = None,
     strict: bool = False,
 ) -> LatentFit:
     """Fit latent and pose to a full or partial cloud.
 
     Args:
-        space: of the category.
+        space: shape space of the category.
         points_object: (m, 3) observed points in the given object frame [m].
-        model_points: (p, 3) canonical surface points to match [m]; the control points by default. Denser
+        model_points: (p, 3) canonical surface points to match [m]; None takes the control points. Denser
             ones fit better.
-        initial_pose: (4, 4) first guess of `told_from_refined`; the identity by default.
-        refine_pose: fit the pose, too.
-        pose_prior: how wrong the given pose may be; `GaussianPosePrior.of_scale` by default.
+        initial_pose: (4, 4) first guess of `given_from_refined`; None takes the identity.
+        refine_pose: fit the pose, too. A prior says how far the given pose may be wrong; True takes
+            `GaussianPosePrior.of_scale`.
         viewpoint: (3,) where the cloud was seen from, given object frame [m]; then hidden model points are
             not matched, and visible ones are drawn to the cloud. None where it was seen from all sides.
-        robust_scale: residuals beyond this many standard deviations count less.
-        sliding: how freely matches slide along the surface, 0 to 1: at 0 the distance between points is
-            minimised, which holds a dense cloud where it was first matched.
-        max_iterations: of the least squares.
+        matching: how residuals count, and for how long they are minimised; None takes the defaults.
         strict: raise when it did not succeed.
 
     Raises:
         PointCloudError: a cloud that is not (m, 3), not finite or without extent.
         PoseError: an initial pose that is not rigid.
-        SettingsError: `robust_scale` not positive, or `sliding` not within 0 and 1.
         NotSucceeded: `strict`, and the status is not CONVERGED.
     """
-    observed = check_cloud(points_object, "points_object")
-    model = check_points(
-        space.control_points if model_points is None else model_points, "model_points", fewest=4
-    )
-    robust_scale = positive(robust_scale, "robust_scale")
-    if not 0 <= sliding <= 1:
-        raise SettingsError("must be between 0 and 1", key="sliding", value=sliding)
-    start = np.eye(4) if initial_pose is None else check_rigid(initial_pose, "initial_pose")
+    observed, matching = check_cloud(points_object, "points_object"), matching or Matching()
     if viewpoint is not None:
         viewpoint = check_points(np.reshape(viewpoint, (1, -1)), "viewpoint")[0]
-    if refine_pose:
-        pose_prior = pose_prior or GaussianPosePrior.of_scale(space.scale)
-    model = model[spatial_order(model, BLOCK)]
-    posed = Posed(model, space.displacement_model(model), start, pose_prior if refine_pose else None)
+    posed = _posed(space, model_points, initial_pose, refine_pose)
     with single_blas_thread():
         state, noise = _match_softly(posed, observed, space, viewpoint)
         visible = None if viewpoint is None else visible_points(posed.points(state), viewpoint)
-        residuals = FitResiduals(posed, observed, noise, robust_scale, visible, sliding)
+        residuals = FitResiduals(posed, observed, noise, matching.robust_scale, visible, matching.sliding)
         # Nearest points have many local optima: what soft matches found competes with the first guess.
-        fits = [_least_squares(residuals, first, max_iterations) for first in (state, posed.start())]
+        fits = [_least_squares(residuals, first, matching.max_iterations) for first in (state, posed.start())]
         fit = min(fits, key=lambda candidate: candidate.cost)
     fit = _judge(fit, space)
     if strict and fit.status is not LatentFitStatus.CONVERGED:
@@ -153,6 +160,16 @@ def latent_fit(
             fit.status.advice, key="points_object", value=f"{fit.residual_rms * 1e3:.1f} mm RMS"
         )
     return fit
+
+
+def _posed(space: ShapeSpace, model_points, initial_pose, refine_pose: bool | GaussianPosePrior) -> Posed:
+    """The checked model at its first guess."""
+    model = space.control_points if model_points is None else model_points
+    model = check_points(model, "model_points", fewest=4)
+    start = np.eye(4) if initial_pose is None else check_rigid(initial_pose, "initial_pose")
+    prior = GaussianPosePrior.of_scale(space.scale) if refine_pose is True else refine_pose or None
+    model = model[spatial_order(model, BLOCK)]
+    return Posed(model, space.displacement_model(model), start, prior)
 
 
 def _match_softly(
@@ -201,7 +218,7 @@ def _least_squares(residuals: FitResiduals, state: Float[np.ndarray, "s"], max_i
     return LatentFit(
         latent=solution.x[-posed.n_modes :],
         joint_covariance=posed.joint(covariance, solution.x),
-        told_from_refined=posed.pose(solution.x),
+        given_from_refined=posed.pose(solution.x),
         residual_rms=float(np.sqrt(np.square(residuals.nearest(solution.x)).sum(1).mean())),
         noise_std=residuals.noise,
         cost=float(solution.cost),

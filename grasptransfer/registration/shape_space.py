@@ -15,7 +15,6 @@ import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -31,7 +30,19 @@ from grasptransfer.registration.ppca import count_modes, fit_closed, fit_em
 from grasptransfer.registration.storage import load_arrays, save_arrays
 
 KIND = "shape space"
-METHODS = ("closed", "em")
+
+
+@dataclass(frozen=True, eq=False)
+class EmSettings:
+    """How a shape space is learnt by expectation maximisation.
+
+    Args:
+        observed: (i, n) which control points of each instance to believe; None believes all of them.
+        seed: seed of the first guess.
+    """
+
+    observed: Bool[np.ndarray, "i n"] | None = None
+    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,42 +101,37 @@ class ShapeSpace:
         *,
         n_modes: int | None = None,
         metric: Metric = "GW",
-        method: Literal["closed", "em"] = "closed",
-        observed: Bool[np.ndarray, "i n"] | None = None,
-        seed: int = 0,
+        em: EmSettings | None = None,
     ) -> "ShapeSpace":
         """Learn the space from the fields of the training instances.
 
         Args:
-            weights: (i, n, 3) of each instance's field, normalised units.
-            control_points: (n, 3) that all of them share, canonical [m].
+            weights: (i, n, 3) weights of the fields of the instances, normalised units.
+            control_points: (n, 3) control points that all of them share, canonical [m].
             beta, centre, scale: kernel width and normaliser that all of them share.
             n_modes: k; at most i - 1. None takes the fewest that hold 99 % of the variance.
             metric: what the modes should explain: displacements "GW", bending "G", weights "W".
-            method: closed form, or EM as in the paper.
-            observed: (i, n) which control points of each instance to believe; EM, metrics GW and W.
-            seed: of EM's first guess.
+            em: learn by EM, as the paper does; None takes the closed form.
 
         Raises:
-            SettingsError: an unknown metric or method, or more modes than instances allow.
+            SettingsError: an unknown metric, more modes than instances allow, or gaps with metric "G".
             PointCloudError: weights of the wrong shape or not finite.
         """
         mean = np.zeros(np.shape(weights)[1:])
         empty = cls(control_points, beta, centre, scale, mean, mean[None][:0], np.zeros(0), 0.0, metric)
+        observed = None if em is None else em.observed
         weights = _check_weights(weights, observed)
-        if method not in METHODS:
-            raise SettingsError("is unknown", key="method", value=method, choices=METHODS)
-        if observed is not None and (method != "em" or metric == "G"):
-            raise SettingsError('needs method "em" and metric "GW" or "W"', key="observed")
+        if observed is not None and metric == "G":
+            raise SettingsError('needs metric "GW" or "W"', key="observed")
         features = np.stack([empty._measure.features(one).ravel() for one in weights])
         n_modes = count_modes(features, n_modes)
-        if method == "closed":
+        if em is None:
             found = fit_closed(features, n_modes)
             mean = weights.mean(0)
             basis = np.einsum("ki,inc->knc", found.combinations, weights - mean)
         else:
             seen = None if observed is None else np.repeat(observed, 3, axis=1)
-            found = fit_em(features, n_modes, observed=seen, seed=seed)
+            found = fit_em(features, n_modes, observed=seen, seed=em.seed)
             # Features with gaps need not be those of any smooth field.
             rough = 0.0 if observed is None else found.noise_variance
             mean = empty._measure.weights_of(found.mean, rough)

@@ -24,7 +24,7 @@ from tyro.conf import arg
 
 from grasptransfer.errors import CategoryError
 from grasptransfer.jobs import single_blas_thread
-from grasptransfer.registration import PreparedSource, ShapeSpace, cpd_all, latent_fit
+from grasptransfer.registration import Matching, PreparedSource, ShapeSpace, cpd_all, latent_fit
 from grasptransfer.registration.clouds import check_cloud
 from grasptransfer.registration.kernels import gaussian
 from grasptransfer.workshop.benchmark.document import document
@@ -104,8 +104,8 @@ def _compare(
 
 def _ours(space: ShapeSpace, cloud: Float[np.ndarray, "m 3"], refine: bool) -> Float[np.ndarray, "n 3"]:
     """Both clouds are coarse and hold no outliers: points are held together, none counts less."""
-    fit = latent_fit(space, cloud, refine_pose=refine, sliding=0.0, robust_scale=10.0)
-    pose = fit.told_from_refined
+    fit = latent_fit(space, cloud, refine_pose=refine, matching=Matching(robust_scale=10.0, sliding=0.0))
+    pose = fit.given_from_refined
     return space.field(fit.latent)(space.control_points) @ pose[:3, :3].T + pose[:3, 3]
 
 
