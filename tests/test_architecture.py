@@ -128,13 +128,9 @@ MANY_PARAMETERS = {
     "transfer.py:transfer_grasps",
 }
 LONG_FUNCTIONS = {
-    "grasping/closing.py:_close_as",
-    "grasping/gripper/load.py:_read",
     "perception/rgb.py:assess",
     "perception/rgb.py:look",
     "simulation/execution.py:simulate",
-    "workshop/building/parametric/library.py:build_shipped_category",
-    "workshop/soak/samples.py:_settings_files",
 }
 
 

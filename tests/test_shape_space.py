@@ -39,10 +39,10 @@ def learn(weights=None, **options) -> ShapeSpace:
 
 
 @pytest.mark.parametrize("metric", METRICS)
-@pytest.mark.parametrize("method", ["closed", "em"])
-def test_decode_after_encode_returns_the_training_fields_at_full_rank(metric, method):
+@pytest.mark.parametrize("em", [None, EmSettings()], ids=["closed", "em"])
+def test_decode_after_encode_returns_the_training_fields_at_full_rank(metric, em):
     weights = training(6)
-    space = learn(weights, n_modes=5, metric=metric, method=method)
+    space = learn(weights, n_modes=5, metric=metric, em=em)
     points = control()
     for one in weights:
         given_field = DeformationField(points, one, BETA, space.centre, space.scale)
@@ -65,7 +65,7 @@ def test_encode_after_decode_is_the_identity(metric, seed):
 @pytest.mark.parametrize("metric", METRICS)
 def test_em_finds_what_the_closed_form_finds(metric):
     weights = training(noise=0.001)
-    closed, em = (learn(weights, n_modes=3, metric=metric, method=method) for method in ("closed", "em"))
+    closed, em = (learn(weights, n_modes=3, metric=metric, em=one) for one in (None, EmSettings()))
     np.testing.assert_allclose(em.variances, closed.variances, rtol=1e-4)
     # Weights of noise are the least settled part of the metric W; 1 % of the noise.
     assert em.noise_variance == pytest.approx(closed.noise_variance, rel=1e-2)
@@ -272,8 +272,7 @@ def test_a_field_is_no_shape_space(tmp_path):
     [
         ({"n_modes": 8}, "n_modes"),
         ({"n_modes": 0}, "n_modes"),
-        ({"observed": np.ones((8, 40), bool)}, "observed"),
-        ({"observed": np.ones((8, 40), bool), "method": "em", "metric": "G"}, "observed"),
+        ({"em": EmSettings(np.ones((8, 40), bool)), "metric": "G"}, "observed"),
     ],
 )
 def test_impossible_options_are_refused_by_name(options, name):

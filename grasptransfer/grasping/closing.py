@@ -75,13 +75,30 @@ def _ray_starts(
     return starts, faces.normals
 
 
+def _rays(
+    object_from_gripper: Float[np.ndarray, "g 4 4"], starts: Float[np.ndarray, "g 2 r 3"]
+) -> tuple[Float[np.ndarray, "g 2 r 3"], Float[np.ndarray, "g 2 r 3"]]:
+    """Origins and directions of the rays from the pads inwards, object frame [m]."""
+    rotation, position = object_from_gripper[:, :3, :3], object_from_gripper[:, :3, 3]
+    origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
+    inward = -SIDE[None, :, None] * rotation[:, None, :, 0]
+    return origins, np.broadcast_to(inward[:, :, None], origins.shape)
+
+
 def _first_hits(
-    surface: Surface, origins: Float[np.ndarray, "g 2 r 3"], directions: Float[np.ndarray, "g 2 r 3"]
+    surface: Surface,
+    origins: Float[np.ndarray, "g 2 r 3"],
+    directions: Float[np.ndarray, "g 2 r 3"],
+    graze: float,
 ) -> tuple[Float[np.ndarray, "g 2 r"], Float[np.ndarray, "g 2 r 3"]]:
-    """Distance [m] to the first face that each ray meets, infinite where none is, and its normal."""
-    hit = surface.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
+    """Distance [m] to the first face that each ray meets, infinite where none is, and its normal.
+
+    Args:
+        graze: the rays start this far behind their origins [m].
+    """
+    hit = surface.first_hits((origins - graze * directions).reshape(-1, 3), directions.reshape(-1, 3))
     distance, faces = (values.reshape(origins.shape[:-1]) for values in hit)
-    return distance, surface.mesh.face_normals[faces]
+    return np.maximum(distance - graze, 0.0), surface.mesh.face_normals[faces]
 
 
 def _unit(vectors: Float[np.ndarray, "g 2 3"]) -> Float[np.ndarray, "g 2 3"]:
@@ -123,13 +140,9 @@ def _close_as(
 ) -> Closing:
     """Close pads that stand all the way as they do at the expected opening."""
     starts, pad_normals = _ray_starts(gripper, opening, expected)
-    rotation, position = object_from_gripper[:, :3, :3], object_from_gripper[:, :3, 3]
-    origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
-    inward = -SIDE[None, :, None] * rotation[:, None, :, 0]
-    directions = np.broadcast_to(inward[:, :, None], origins.shape)
-    graze = 0.0 if gripper.pads_mirror else GRAZE
-    distance, face_normals = _first_hits(surface, origins - graze * directions, directions)
-    distance = np.maximum(distance - graze, 0.0)
+    rotation = object_from_gripper[:, :3, :3]
+    origins, directions = _rays(object_from_gripper, starts)
+    distance, face_normals = _first_hits(surface, origins, directions, 0.0 if gripper.pads_mirror else GRAZE)
     behind = np.einsum("gprj,gprj->gpr", face_normals, directions) > 0
     # A pad can only touch what lies between the pads.
     within = np.where(distance < opening[:, None, None], distance, np.inf)

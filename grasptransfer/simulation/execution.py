@@ -1,6 +1,7 @@
 """Execute grasps in physics: many trials, in this process, in several, or on a cluster."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.engines import choose_engine
 from grasptransfer.simulation.engines.bullet_files import remove_orphans
 from grasptransfer.simulation.hand import hand_of
-from grasptransfer.simulation.job import Conditions, make_jobs
+from grasptransfer.simulation.job import Conditions, Job, make_jobs
 from grasptransfer.simulation.ledger import line_of, read_results
 from grasptransfer.simulation.outcome import TrialResult, TrialStatus
 from grasptransfer.simulation.pool import run_trials
@@ -108,13 +109,33 @@ def simulate(
     jobs = make_jobs(
         grasps, gripper, conditions, trials=trials, perturb=perturb, seed=seed, frames=frames or 0.0
     )
+    run = partial(run_trials, setup, workers=workers, cluster=cluster, limit=trial_limit)
+    return _resumed(setup, jobs, run, results_path=results_path, anew=bool(frames), on_trial=on_trial)
+
+
+def _resumed(
+    setup: Setup,
+    jobs: Sequence[Job],
+    run: Callable[[Sequence[Job]], Iterator[tuple[int, TrialResult]]],
+    *,
+    results_path: str | Path | None,
+    anew: bool,
+    on_trial: Callable[[int, int], None] | None,
+) -> list[TrialResult]:
+    """The results of all jobs: those that are recorded, unless all are to run anew, and those of a run.
+
+    Args:
+        run: yields index and result of each job that it is given.
+        results_path: record of the results; None keeps none.
+        anew: leave what is recorded aside.
+        on_trial: called with the number of trials done and of all.
+    """
     keys = [job_key(setup, job) for job in jobs]
-    known = {} if frames else read_results(results_path)
+    known = {} if anew else read_results(results_path)
     results = {i: known[key] for i, key in enumerate(keys) if key in known}
     rest = [i for i in range(len(jobs)) if i not in results]
-    waiting = [jobs[i] for i in rest]
     with Record(results_path) as record:
-        for i, result in run_trials(setup, waiting, workers=workers, cluster=cluster, limit=trial_limit):
+        for i, result in run([jobs[i] for i in rest]):
             index = rest[i]
             results[index] = result
             record.add(line_of(keys[index], result))

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -64,35 +65,19 @@ def _packaged(name: str) -> Gripper:
 def _read(path: Path) -> Gripper:
     model = read_gripper_file(path)
     urdf_path = (path.parent / model.urdf).resolve()
-    try:
-        links = read_links(
-            urdf_path, model.base_link, ignored=model.ignore_links, solid_visuals=model.solid_visuals
-        )
-    except GripperError as error:
-        raise error if error.path is not None else error.at(path) from error
+    links = _links(model, urdf_path, path)
     by_name = {link.name: link for link in links}
     _check_pad_links(model, by_name, path)
     moving = {joint.name: joint for link in links for joint in link.chain if joint.kind != "fixed"}
     joints = couple(model.joints, moving, path=path)
     base_from_tcp = model.base_from_tcp.matrix()
     base_from_tcp.setflags(write=False)
-    tcp_from_base = invert(base_from_tcp)
-
-    def tcp_from_link(name: str, driver: float) -> Float[np.ndarray, "4 4"]:
-        positions = {joint.name: joint.position(driver) for joint in joints}
-        return tcp_from_base @ by_name[name].base_from_link(positions)
-
-    def opening(driver: float) -> float:
-        low, high = (
-            transform_points(tcp_from_link(pad.link, driver), np.array(pad.centre)) for pad in model.pads
-        )
-        return float(high[0] - low[0])
-
-    drivers, openings = _opening_table(joints, opening, model, urdf_path, path)
+    motion = _Motion(invert(base_from_tcp), by_name, joints)
+    drivers, openings = _opening_table(joints, motion.opening_of(model), model, urdf_path, path)
     limits = _opening_range(model.opening, openings, path)
     closed, opened = (float(np.interp(limit, openings, drivers)) for limit in limits)
     joints = check_limits(joints, moving, (closed, opened), urdf_path=urdf_path)
-    pads = _pads(model, by_name, tcp_from_link, np.linspace(closed, opened, 9), path)
+    pads = _pads(model, by_name, motion.tcp_from_link, np.linspace(closed, opened, 9), path)
     gripper = Gripper(
         name=model.name,
         path=path,
@@ -110,6 +95,44 @@ def _read(path: Path) -> Gripper:
     _check_approach(gripper)
     _check_geometry(gripper)
     return gripper
+
+
+def _links(model: GripperModel, urdf_path: Path, path: Path) -> tuple[FingerLink, ...]:
+    try:
+        return read_links(
+            urdf_path, model.base_link, ignored=model.ignore_links, solid_visuals=model.solid_visuals
+        )
+    except GripperError as error:
+        raise error if error.path is not None else error.at(path) from error
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Where the links stand at a value of the driver.
+
+    Args:
+        tcp_from_base: the TCP's frame from that of the base.
+        links: the links by name.
+        joints: the joints that the driver moves.
+    """
+
+    tcp_from_base: Float[np.ndarray, "4 4"]
+    links: dict[str, FingerLink]
+    joints: tuple[FingerJoint, ...]
+
+    def tcp_from_link(self, name: str, driver: float) -> Float[np.ndarray, "4 4"]:
+        positions = {joint.name: joint.position(driver) for joint in self.joints}
+        return self.tcp_from_base @ self.links[name].base_from_link(positions)
+
+    def opening_of(self, model: GripperModel) -> Callable[[float], float]:
+        """The distance between the pads' centres along TCP x [m], as a function of the driver."""
+        ends = [(pad.link, np.array(pad.centre)) for pad in model.pads]
+
+        def opening(driver: float) -> float:
+            low, high = (transform_points(self.tcp_from_link(link, driver), centre) for link, centre in ends)
+            return float(high[0] - low[0])
+
+        return opening
 
 
 def _check_pad_links(model: GripperModel, links: dict[str, FingerLink], path: Path) -> None:

@@ -37,13 +37,13 @@ class Format:
 
 def formats() -> tuple[Format, ...]:
     """Every format that is read, in the order of the table."""
-    return (*_settings_files(), *_grasp_files(), *_array_files(), *_mesh_files(), *_picture_files())
+    makers = (_settings_files, _seen_files, _grasp_files, _array_files, _mesh_files, _picture_files)
+    return tuple(kind for make in makers for kind in make())
 
 
 def _settings_files() -> list[Format]:
     import grasptransfer as gt
     from grasptransfer.category.settings import CategoryFile
-    from grasptransfer.poses import read_pose
 
     def category(folder: Path) -> None:
         shutil.copy(gt.load_category("mug").folder / "category.yaml", folder)
@@ -52,6 +52,18 @@ def _settings_files() -> list[Format]:
         source = gt.load_gripper("parallel_jaw").path
         for path in source.parent.glob(f"{source.stem}*"):
             (shutil.copytree if path.is_dir() else shutil.copy)(path, folder / path.name)
+
+    jaw = "parallel_jaw"
+    return [
+        Format("category.yaml", "category.yaml", category, lambda path: CategoryFile.load(path.parent)),
+        Format("gripper YAML", f"{jaw}.yaml", gripper, gt.load_gripper),
+        Format("URDF", f"{jaw}.urdf", gripper, lambda path: gt.load_gripper(path.with_name(f"{jaw}.yaml"))),
+    ]
+
+
+def _seen_files() -> list[Format]:
+    import grasptransfer as gt
+    from grasptransfer.poses import read_pose
 
     def pose(folder: Path) -> None:
         (folder / "pose.yaml").write_text(yaml.safe_dump({"camera_from_object": POSE}))
@@ -74,11 +86,7 @@ def _settings_files() -> list[Format]:
         data = {"support_plane": plane, "obstacles": {"box": box, "wall": wall}}
         (folder / "scene.yaml").write_text(yaml.safe_dump(data))
 
-    jaw = "parallel_jaw"
     return [
-        Format("category.yaml", "category.yaml", category, lambda path: CategoryFile.load(path.parent)),
-        Format("gripper YAML", f"{jaw}.yaml", gripper, gt.load_gripper),
-        Format("URDF", f"{jaw}.urdf", gripper, lambda path: gt.load_gripper(path.with_name(f"{jaw}.yaml"))),
         Format("pose YAML", "pose.yaml", pose, lambda path: read_pose(path).camera_from_object),
         Format("pose BOP", "pose.json", bop, lambda path: read_pose(path).camera_from_object),
         Format("camera YAML", "camera.yaml", camera, gt.Camera.load),

@@ -8,7 +8,7 @@ the kernel, its smoothness and the number of modes are chosen by what they leave
 import io
 import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from grasptransfer.workshop.building.parametric.canonical_surface import Canonic
 from grasptransfer.workshop.building.parametric.cpd_accuracy import CpdAccuracy, cpd_accuracy
 from grasptransfer.workshop.building.parametric.space_choice import Choice, choose_space, fit_weights
 from grasptransfer.workshop.building.writing import CategoryContent, glb_of, write_category
-from grasptransfer.workshop.objects import canonical, generators, sample
+from grasptransfer.workshop.objects import ParametricObject, canonical, generators, sample
 from grasptransfer.workshop.objects.recipe import load_recipe
 
 FIRST_TRAINING_SEED, FIRST_HELDOUT_SEED = 1_000_000, 2_000_000
@@ -59,8 +59,7 @@ def build_shipped_category(
     progress(f"{name}: points of the canonical model")
     surface = surface_of(model)
     progress(f"{name}: {samples + heldout} random shapes")
-    train = {f"{name}_{seed:04d}": sample(name, seed) for seed in curated.train}
-    test = {f"{name}_{seed:04d}": sample(name, seed) for seed in curated.test}
+    train, test = _instances(name, curated.train), _instances(name, curated.test)
     learnt = [surface.displacements(shape) for shape in train.values()]
     learnt += [surface.displacements(sample(name, FIRST_TRAINING_SEED + i)) for i in range(samples)]
     unseen = [surface.displacements(sample(name, FIRST_HELDOUT_SEED + i)) for i in range(heldout)]
@@ -85,6 +84,10 @@ def build_shipped_category(
         weights=dict(zip(instances, weights, strict=True)),
     )
     return write_category(Path(out) if out else objects_folder() / name, content)
+
+
+def _instances(name: str, seeds: Iterable[int]) -> dict[str, ParametricObject]:
+    return {f"{name}_{seed:04d}": sample(name, seed) for seed in seeds}
 
 
 def compact(scene: trimesh.Scene) -> trimesh.Scene:
