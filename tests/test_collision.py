@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from grasptransfer.errors import MeshError, PoseError, SceneError
 from grasptransfer.frames import rigid
 from grasptransfer.grasping.closing import close_pads
-from grasptransfer.grasping.collision import CheckStatus, check_grasps
+from grasptransfer.grasping.collision import MARGIN, CheckStatus, check_grasps
 from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.gripper import load_gripper
 from grasptransfer.grasping.parallel_jaw import ParallelJaw
@@ -35,6 +35,7 @@ def check(grasp, mesh=None, scene=None, gripper=PANDA, camera_from_object=None):
     return check_grasps(on_canonical([grasp]), world, gripper)[0]
 
 
+
 def test_a_box_between_the_pads_is_free_and_its_width_is_measured():
     result = check(grasp_from_above())
     assert result.status is CheckStatus.FREE
@@ -42,17 +43,32 @@ def test_a_box_between_the_pads_is_free_and_its_width_is_measured():
     assert result.width == pytest.approx(0.03, abs=1e-6)
     np.testing.assert_allclose(result.contacts[:, 0], [-0.015, 0.015], atol=1e-6)
     assert result.antipodality == pytest.approx(1, abs=1e-6)
-    assert result.opening == PANDA.max_width
+    assert result.opening == pytest.approx(0.05)  # 10 mm of room on each side
+    assert result.room is None
 
 
-def test_the_gripper_opens_only_as_wide_as_leaves_room_beside_both_fingers():
-    # A wall 3 mm beyond the wide open finger: nearer than a seen object errs.
-    thick = 0.0144
-    wall = box(0.01, 0.05, 0.1).apply_translation([0.04 + thick + 0.003 + 0.005, 0, 0])
-    scene = Scene((("wall", wall, np.eye(4)),))
-    result = check(grasp_from_above(width=0.015), box(0.015), scene)
-    assert result.usable
-    assert result.opening == pytest.approx(0.055)
+@pytest.mark.parametrize("gap", [0.0005, 0.0015, 0.0025, 0.02])
+@pytest.mark.parametrize("what", ["slab", "plane"])
+def test_two_millimetres_are_kept_from_obstacles_and_the_room_is_stated(gap, what):
+    height = 0.04 - TIP - gap  # of what lies below the finger tips
+    slab = box(0.1, 0.3, 0.02).apply_translation([0.07, 0, height - 0.01])
+    plane = np.array([0, 0, height]), np.array([0, 0, 1.0])
+    scene = Scene((("slab", slab, np.eye(4)),)) if what == "slab" else Scene(support_plane=plane)
+    result = check(grasp_from_above(opening=0.05, approach_distance=0.02), scene=scene)
+    if gap < MARGIN:
+        assert result.status is CheckStatus.IN_COLLISION
+        assert "2 mm are kept" in result.reason
+    else:
+        assert result.usable
+        assert result.room == pytest.approx(gap, abs=2e-4)
+
+
+def test_the_margin_is_kept_on_the_way_in_too():
+    for gap, status in ((0.001, CheckStatus.BLOCKED_APPROACH), (0.005, CheckStatus.FREE)):
+        hand = PANDA.link_meshes(0.05)["panda_hand"].bounds
+        beam = box(0.2, 0.02, 0.02).apply_translation([0, hand[1, 1] + gap + 0.01, 0.24])
+        result = check(grasp_from_above(opening=0.05), scene=Scene((("beam", beam, np.eye(4)),)))
+        assert result.status is status
 
 
 def test_a_wide_opening_that_would_close_on_another_part_is_not_taken():
@@ -86,12 +102,12 @@ def test_the_collision_names_link_obstacle_and_depth(depth):
 
 
 def test_another_opening_is_tried_where_the_usual_one_does_not_fit():
-    walls = [box(0.01, 0.05, 0.1).apply_translation([side * 0.032, 0, -0.01]) for side in (-1, 1)]
+    walls = [box(0.01, 0.05, 0.1).apply_translation([side * 0.034, 0, -0.01]) for side in (-1, 1)]
     scene = Scene(tuple((f"wall{i}", wall, np.eye(4)) for i, wall in enumerate(walls)))
     alone = check(grasp_from_above(width=0.015), box(0.015))
     narrow = check(grasp_from_above(width=0.015), box(0.015), scene)
-    # The finger is 14.4 mm thick: with 10 mm of room it would reach 31.9 mm, past the wall at 27 mm.
-    assert alone.opening == PANDA.max_width
+    # The finger is 14.4 mm thick: with 10 mm of room it would reach 31.9 mm, past the wall at 29 mm.
+    assert alone.opening == pytest.approx(0.035)
     assert narrow.usable
     assert narrow.opening == pytest.approx(0.025)
 
@@ -143,7 +159,7 @@ def test_a_thin_sheet_across_the_way_in_is_not_jumped_over():
 
 def test_the_support_plane_stops_fingers_that_reach_below_it():
     plane = (np.array([0, 0, -0.05]), np.array([0, 0, 2.0]))
-    low = grasp_from_above((0, 0, -0.05 + TIP + 0.001), rotation=DOWN)
+    low = grasp_from_above((0, 0, -0.05 + TIP + 0.003), rotation=DOWN)
     tall = box(z=0.03).apply_translation([0, 0, -0.035])
     assert check(low, tall, Scene(support_plane=plane)).usable
     deeper = grasp_from_above((0, 0, -0.05 + TIP - 0.002))

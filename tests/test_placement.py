@@ -1,5 +1,7 @@
 """Where grasps are placed once it is known what the picture leaves possible."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -53,7 +55,7 @@ def test_what_is_shifted_keeps_its_turn_and_closes_on_the_middle():
     assert checks[0].contacts is not None
     assert grasps[0].contacts is not None
     np.testing.assert_allclose(checks[0].contacts, grasps[0].contacts, atol=2e-3)
-    farthest = np.hypot(*np.repeat(max(Placement().ways), 2))
+    farthest = max(Placement().rings)
     assert np.linalg.norm(pose[:3, 3] - start[0].object_from_gripper[:3, 3]) < farthest + 1e-3
 
 
@@ -87,23 +89,50 @@ def test_no_place_inside_an_obstacle_is_taken():
     assert grasps[0].object_from_gripper[1, 3] > 0.095
 
 
-def test_only_usable_grasps_are_placed_and_all_come_back_in_order():
+def test_all_usable_grasps_are_placed_and_all_come_back_in_order():
     grasps = [*at(0.5), *at(0.1), *at(0.09)]
-    after, checks, *_ = placed(grasps, settings=Placement(most=1))
+    after, checks, *_ = placed(grasps)
     assert [check.usable for check in checks] == [False, True, True]
     assert after[0] is grasps[0]
-    assert after[1] is grasps[1]  # the other scores higher, and one was to be placed
+    assert after[1] is not grasps[1]
     assert after[2] is not grasps[2]
-    assert place_grasps([], [], CollisionWorld(BEAM), PANDA, plausible=PlausibleObjects.draw(BEAM)) == (
-        (),
-        (),
-    )
+    nothing = place_grasps([], [], CollisionWorld(BEAM), PANDA, plausible=PlausibleObjects.draw(BEAM))
+    assert nothing == ((), ())
 
 
-def test_some_draws_keep_their_pairs():
+def test_a_grasp_moves_as_little_as_what_it_is_placed_by():
+    after = placed(at(0.1))[0][0]
+    for by in (1e-5, 1e-4, 1e-3):
+        moved = BEAM.copy()
+        moved.vertices = moved.vertices * (1 + by)
+        other = placed(at(0.1), moved)[0][0]
+        apart = np.linalg.norm(other.object_from_gripper[:3, 3] - after.object_from_gripper[:3, 3])
+        assert apart < 2e-4 * by / 1e-5 + 1e-5  # of the surface itself, up to 0.15 m from the origin
+
+
+def test_a_grasp_given_an_opening_keeps_it():
+    asked = [replace(at(0.1)[0], opening=0.05)]
+    assert placed(asked)[1][0].opening == pytest.approx(0.05, abs=1e-4)
+
+
+def test_where_the_object_is_in_doubt_across_the_pads_the_hand_opens_wider():
+    ways = np.zeros((16, 3))
+    sure = placed(at(0.0), plausible=seen_across(ways))[1][0].opening
+    ways[:, 0] = np.linspace(-0.02, 0.02, 16)
+    unsure = placed(at(0.0), plausible=seen_across(ways))[1][0].opening
+    assert unsure > sure + 0.02
+
+
+def seen_across(ways):
+    """Draws of the beam, each shifted [m]."""
+    points, faces = trimesh.sample.sample_surface(BEAM, 3000, seed=0)[:2]
+    normals = np.tile(BEAM.face_normals[faces], (len(ways), 1, 1))
+    return PlausibleObjects(np.asarray(points) + ways[:, None], normals, ways, np.full(len(ways), 0.1))
+
+
+def test_half_of_the_draws_are_pairs_that_span_the_same_directions():
     seen = PlausibleObjects.draw(BEAM)
-    few = seen.some(8)
-    assert len(few.points) == 8
-    np.testing.assert_allclose(few.centres.mean(axis=0), seen.centres.mean(axis=0), atol=1e-3)
-    np.testing.assert_array_equal(few.points[4], seen.points[12])
-    assert len(seen.some(1000).points) == len(seen.points)
+    half = seen.half()
+    assert len(half.points) == len(seen.points) / 2
+    np.testing.assert_allclose(half.centres.mean(axis=0), seen.centres.mean(axis=0), atol=1e-4)
+    np.testing.assert_allclose(half.centres.std(axis=0), seen.centres.std(axis=0), atol=5e-4)

@@ -49,6 +49,11 @@ class Category:
         return self.file.settings
 
     @property
+    def density(self) -> float:
+        """Of what an instance is made of [kg/m3], of the solid that its mesh encloses."""
+        return self.file.density
+
+    @property
     def train(self) -> tuple[str, ...]:
         """Names of the instances behind the shape space."""
         return self.file.split.train

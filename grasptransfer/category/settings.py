@@ -84,6 +84,8 @@ class CategoryFile(_Strict):
     """The contents of `category.yaml`.
 
     Args:
+        density: of what an instance is made of, kg/m3 of the solid that its mesh encloses: its mass is this
+            times the volume where nobody knows it better.
         measured: figures of the build, by name with their unit, such as `heldout_rms_mm`.
         checksums: sha256 of each file of the folder but this one and `grasps.yaml`, by relative path.
         versions: of the software that built it.
@@ -96,6 +98,7 @@ class CategoryFile(_Strict):
     frame: Frame = Frame()
     split: Split
     settings: Settings
+    density: float = Field(default=1000.0, ge=1, le=30_000)
     measured: dict[str, float | int | str | list[float]] = {}
     checksums: dict[str, str]
     versions: dict[str, str] = {}

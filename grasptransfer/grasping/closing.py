@@ -64,7 +64,9 @@ def _ray_starts(
         opening: distance between the pads at the start [m].
         expected: distance between them when they touch, which decides how they stand [m].
     """
-    grid, faces = _pad_grid(gripper), gripper.pad_faces(expected)
+    grid = _pad_grid(gripper)
+    apart, which = np.unique(expected, return_inverse=True)
+    faces = gripper.pad_faces(apart).take(which)
     starts = np.empty((len(opening), *grid.shape[:2], 3))
     # A tilted face is shorter, seen along TCP x.
     starts[..., 1:] = grid * np.sqrt(1 - faces.normals[..., 1:] ** 2)[:, :, None]

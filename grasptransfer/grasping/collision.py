@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     import trimesh
 
 
+MARGIN = 0.002  # m that the gripper keeps from obstacles: a calibrated arm's own error, and some of a camera's
+NEAR = 0.01  # m: obstacles farther away are not measured exactly
 STEP = 0.004  # m between checked poses of the approach: less than a third of a finger's thickness
 SWEEP_STEP = 0.010  # m of opening between checks of the closing: each finger moves half of it
 LEAST_ROOM = 0.001  # m on each side of the object, below which the opened gripper does not get around it
 TRIED_ROOM = (0.005, 0.002)  # m on each side, tried where the usual room does not fit
-WIDE_ROOM = 0.02  # m on each side, twice the usual: three in five lost grasps of seen objects met a finger
-SIDEWAYS = 0.004  # m to both sides that a widely opened gripper must be free to err
 SAME_WIDTH = 0.003  # m; where the pads close on another width, they close on another part
 LARGEST_STRETCH = 5.0  # of the field's Jacobian: no two mugs differ that much beside a contact
 LARGEST_LATENT = 3.0  # RMS in standard deviations; about 1 for members of the category
@@ -83,6 +83,8 @@ class GraspCheck:
         contacts: points (2, 3) where the pads close, object frame [m], or None.
         width: distance between the pads then [m], or None.
         antipodality: cosine between the worse contact's normal and the closing axis; 1 is perfect.
+        room: between the opened gripper and the nearest obstacle, at the grasp and on the way in [m]; None
+            without obstacles.
     """
 
     status: CheckStatus
@@ -95,6 +97,7 @@ class GraspCheck:
     contacts: Float[np.ndarray, "2 3"] | None = None
     width: float | None = None
     antipodality: float | None = None
+    room: float | None = None
 
     @property
     def usable(self) -> bool:
@@ -151,10 +154,6 @@ def _reach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper) -> Grasp
             f"{gripper.name} opens {gripper.max_width * 1e3:.0f} mm"
         )
         return GraspCheck(CheckStatus.TOO_WIDE, reason, usual)
-    if grasp.opening is None:
-        check = _open_wide(grasp, world, gripper, usual)
-        if check is not None:
-            return check
     tried = [usual, gripper.max_width, *(grasp.width + 2 * room for room in TRIED_ROOM)]
     first = None
     for opening in dict.fromkeys(float(np.clip(value, *gripper.opening)) for value in tried):
@@ -168,30 +167,6 @@ def _reach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper) -> Grasp
         first = first or check
     assert first is not None
     return first
-
-
-def _open_wide(
-    grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, usual: float
-) -> GraspCheck | None:
-    """Free with a wide opening, where that leaves room on both sides of each finger; else None."""
-    pose = grasp.object_from_gripper
-    for opening in (gripper.max_width, grasp.width + 2 * WIDE_ROOM):
-        if not usual < opening <= gripper.max_width:
-            continue
-        opened = OpenedGripper(gripper, opening)
-        free = not any(world.touching(pose @ _sideways(way), opened) for way in (-SIDEWAYS, SIDEWAYS))
-        if free and _closes_alike(grasp, world, gripper, opening):
-            check = _approach(grasp, world, gripper, opening)
-            if check.usable:
-                return check
-    return None
-
-
-def _sideways(way: float) -> Float[np.ndarray, "4 4"]:
-    """A shift along the closing axis [m]."""
-    shift = np.eye(4)
-    shift[0, 3] = way
-    return shift
 
 
 def _closes_alike(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening: float) -> bool:
@@ -221,7 +196,34 @@ def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, openi
             touch = world.deepest(back, opened, pairs)
             reason = f"{distance * 1e3:.0f} mm before the grasp, {_overlap(touch)}"
             return _blocked(CheckStatus.BLOCKED_APPROACH, reason, opening, touch, float(distance))
-    return _sweep(grasp, world, gripper, opening)
+    check = _sweep(grasp, world, gripper, opening)
+    return _beside_obstacles(check, grasp, world, opened) if check.usable and world.has_obstacles else check
+
+
+def _beside_obstacles(
+    check: GraspCheck, grasp: WarpedGrasp, world: CollisionWorld, opened: OpenedGripper
+) -> GraspCheck:
+    """Add the room left beside obstacles, at the grasp and on the way in; refuse what is less than `MARGIN`."""
+    back, distance, room = grasp.object_from_gripper.copy(), 0.0, np.inf
+    while True:
+        beside = world.beside(back, opened)
+        nearest = int(np.argmin(beside.distance))
+        room = min(room, float(beside.distance[nearest]))
+        if room < MARGIN:
+            touch = Touch(beside.links[nearest], beside.obstacles[nearest], 0.0)
+            where = f"{distance * 1e3:.0f} mm before the grasp, " if distance else ""
+            reason = (
+                f"{where}{touch.link} passes {room * 1e3:.1f} mm beside {touch.obstacle}; "
+                f"{MARGIN * 1e3:.0f} mm are kept"
+            )
+            status = CheckStatus.BLOCKED_APPROACH if distance else CheckStatus.IN_COLLISION
+            return _blocked(status, reason, check.opening, touch, distance or None)
+        if distance >= grasp.approach_distance:
+            return dataclasses.replace(check, room=room)
+        # What is far away cannot come near within that way.
+        distance += max(STEP, float(beside.distance[nearest]) - min(room, NEAR))
+        distance = min(distance, grasp.approach_distance)
+        back[:3, 3] = grasp.object_from_gripper[:3, 3] - distance * back[:3, 2]
 
 
 def _sweep(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening: float) -> GraspCheck:

@@ -3,8 +3,8 @@
 The loops over points are compiled; each point is dropped as soon as one of its coordinates is too far away.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import no_type_check
 
 import numpy as np
@@ -12,19 +12,106 @@ from jaxtyping import Float, Float32, Int
 from numba import njit
 
 from grasptransfer.grasping.gripper import Gripper, PadFaces
+from grasptransfer.grasping.gripper_boxes import COMPILE, gripper_boxes, swept
 from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.warping import WarpedGrasp
 
 FAR = 0.003  # m: more clearance than this is no better
 WITHIN = 0.012  # m: deeper inside the gripper than this is no worse
-UP = np.array([0.0, 0.0, 1.0])  # object frame: categories stand upright
 # The weight's lever counts whole across the closing line, and these shares of it above the pads (it topples
 # when the hand tilts), below them (it swings), and along the line (one pad bears it all). Of 2969 simulated
 # grasps that were reached; tests/test_ranking.py has the order.
 ABOVE, BELOW, ASIDE = 0.7, 0.4, 0.4
-PATCH = 0.0025  # m behind the first point that a pad meets: one spacing of the points on a curved side
-NOTHING = np.float32(0)
-COMPILE = {"nogil": True, "cache": True, "error_model": "numpy"}
+# m behind the first point that a pad meets: to here a point counts whole, and from there not at all; their
+# middle is one spacing of the points on a curved side.
+PATCH, BEHIND = 0.0015, 0.0035
+EDGE = 0.002  # m: a point this far beside a pad's edge counts nothing, as far inside it whole
+GRIP = 32.0  # N, friction times force of each pad of the simulation protocols: moments are scaled to it
+# m/s2: the weight, and as much again in any direction, as the protocols shake.
+ACCELERATION = 2 * 9.81
+
+
+@dataclass(frozen=True)
+class NearPoints:
+    """The drawn points near one grasp, found once for several openings and shifts.
+
+    Args:
+        grasp, gripper, plausible: what is near to what.
+        around: points near the gripper, gripper frame [m]: every other place of the surface, which is near
+            enough to the next for fingers, and these are most of the work.
+        around_draw: which draw each is of.
+        between: points that the pads may meet, gripper frame [m].
+        between_draw: which draw each is of.
+        facing: cosine of the angle between the face of the -x, the +x pad and their normals.
+        recede: how far each pad's face recedes along +x there [m].
+    """
+
+    grasp: WarpedGrasp
+    gripper: Gripper
+    plausible: PlausibleObjects
+    around: Float32[np.ndarray, "3 p"]
+    around_draw: Int[np.ndarray, "p"]
+    between: Float32[np.ndarray, "3 q"]
+    between_draw: Int[np.ndarray, "q"]
+    facing: Float32[np.ndarray, "2 q"]
+    recede: Float32[np.ndarray, "2 q"]
+
+    @staticmethod
+    def of(
+        grasp: WarpedGrasp,
+        gripper: Gripper,
+        plausible: PlausibleObjects,
+        *,
+        openings: Sequence[float],
+        shifts: Float[np.ndarray, "c 3"],
+    ) -> "NearPoints":
+        """The points that matter to any of these openings [m] and shifts of the TCP, gripper frame [m]."""
+        draws, (points, normals) = len(plausible.points), plausible.rows
+        pose = grasp.object_from_gripper.astype(np.float32)
+        turn = np.ascontiguousarray(pose[:3, :3].T)
+        place = turn @ pose[:3, 3]
+        bounds = np.stack([gripper_boxes(gripper, opening).bounds for opening in openings])
+        bounds = np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+        around, number = _near(points, plausible.around, turn, place, swept(bounds, FAR, shifts), 2)
+        corridors = np.stack([_pad_corridor(gripper, opening, grasp.width) for opening in openings])
+        corridor = np.stack([corridors[:, 0].min(axis=0), corridors[:, 1].max(axis=0)])
+        between, met = _near(points, plausible.around, turn, place, swept(corridor, EDGE, shifts), 1)
+        faces = gripper.pad_faces(np.array([grasp.width]))
+        facing = -(faces.normals[0].astype(np.float32) @ turn) @ normals.reshape(3, -1)[:, met]
+        recede = _receding(faces, between[1:])
+        return NearPoints(
+            grasp, gripper, plausible, around, number % draws, between, met % draws, facing, recede
+        )
+
+    def features(
+        self, opening: float, shifts: Float[np.ndarray, "c 3"], *, room: Float[np.ndarray, "c"] | None = None
+    ) -> Float[np.ndarray, "c s 5"]:
+        """`success_model.FEATURES` after each shift, in each draw; NaN where a pad meets nothing.
+
+        Args:
+            opening: of the gripper on the way in [m].
+            shifts: of the TCP, gripper frame [m].
+            room: between gripper and obstacles after each shift [m]; None: nothing stands around.
+        """
+        plausible, draws, moved = self.plausible, len(self.plausible.points), shifts.astype(np.float32)
+        boxes, clearance = gripper_boxes(self.gripper, opening), np.full((len(shifts), draws), FAR)
+        _clear(self.around, self.around_draw, (boxes.turns, boxes.places, boxes.halves),
+               swept(boxes.each, FAR, shifts), moved, clearance)  # fmt: skip
+        if room is not None:
+            clearance = np.minimum(clearance, room[:, None])
+        corridor = _pad_corridor(self.gripper, opening, self.grasp.width).astype(np.float32)
+        count, flatness = _meet(self.between, self.facing, self.between_draw, self.recede, corridor, moved,
+                                draws)  # fmt: skip
+        grip = np.full(draws, GRIP) if plausible.grip is None else plausible.grip
+        moment = plausible.mass * _levers(self.grasp, plausible, shifts) * 100
+        columns = [
+            np.maximum(clearance, -WITHIN) * 1e3,
+            flatness,
+            np.minimum(count / 4, 1),
+            moment * GRIP / grip,
+            np.broadcast_to(plausible.mass * ACCELERATION / (2 * grip), moment.shape),
+        ]
+        return np.where(count[..., None] > 0, np.stack(columns, axis=-1), np.nan)
 
 
 def features_around(
@@ -32,96 +119,27 @@ def features_around(
     opening: float,
     gripper: Gripper,
     plausible: PlausibleObjects,
-    shifts: Float[np.ndarray, "c 3"],
-) -> Float[np.ndarray, "c s 4"]:
-    """`success_model.FEATURES` of a grasp after each shift, in each draw; NaN where a pad meets nothing.
+    *,
+    room: float | None = None,
+) -> Float[np.ndarray, "s 5"]:
+    """`success_model.FEATURES` of a grasp in each draw; NaN where a pad meets nothing.
 
     Args:
         opening: of the gripper on the way in [m].
-        shifts: of the TCP, gripper frame [m].
+        room: between gripper and obstacles [m]; None: nothing stands around.
     """
-    pose, draws = grasp.object_from_gripper.astype(np.float32), len(plausible.points)
-    points, normals = plausible.rows
-    boxes, turn, moved = (
-        _boxes(gripper, opening),
-        np.ascontiguousarray(pose[:3, :3].T),
-        shifts.astype(np.float32),
-    )
-    local, near = _near(points, turn, turn @ pose[:3, 3], _swept(boxes.bounds, FAR, shifts))
-    draw = near // plausible.points.shape[1]
-    clearance = np.full((len(shifts), draws), FAR)
-    turned = np.einsum("bij,cj->bci", boxes.turns, moved)
-    _clear(local, draw, boxes.turns, boxes.places, boxes.halves, _swept(boxes.each, FAR, shifts), turned,
-           clearance)  # fmt: skip
-    corridor, faces = _pad_corridor(gripper, opening, grasp.width), gripper.pad_faces(np.array([grasp.width]))
-    local, between = _near(local, np.eye(3, dtype=np.float32), np.zeros(3, np.float32),
-                           _swept(corridor, 0.0, shifts))  # fmt: skip
-    facing = -(faces.normals[0].astype(np.float32) @ turn) @ normals[:, near[between]]
-    count, flatness = _meet(local, facing, draw[between], _receding(faces, local[1:]),
-                            corridor.astype(np.float32), moved, draws)  # fmt: skip
-    columns = [
-        np.maximum(clearance, -WITHIN) * 1e3,
-        flatness,
-        np.minimum(count / 4, 1),
-        plausible.mass * _levers(grasp, plausible.centres, shifts) * 100,
-    ]
-    return np.where(count[..., None] > 0, np.stack(columns, axis=-1), np.nan)
-
-
-@dataclass(frozen=True)
-class _Boxes:
-    """Every part of an opened gripper as a box, single precision.
-
-    Args:
-        turns, places: `box_from_gripper`, rotation and place of the TCP [m].
-        halves: half of each size [m].
-        each: low and high corner of what holds each box, gripper frame [m].
-    """
-
-    turns: Float32[np.ndarray, "b 3 3"]
-    places: Float32[np.ndarray, "b 3"]
-    halves: Float32[np.ndarray, "b 3"]
-    each: Float[np.ndarray, "2 b 3"]
-
-    @property
-    def bounds(self) -> Float[np.ndarray, "2 3"]:
-        """Low and high corner of what holds all boxes, gripper frame [m]."""
-        return np.stack([self.each[0].min(axis=0), self.each[1].max(axis=0)])
-
-
-@lru_cache(maxsize=512)
-def _boxes(gripper: Gripper, opening: float) -> _Boxes:
-    poses, placed, halves = gripper.link_poses(opening), [], []
-    for link in gripper.links:
-        for shape in link.shapes if link.collision is not None else ():
-            low, high = np.asarray(shape.mesh.bounds)
-            gripper_from_box = poses[link.name] @ shape.link_from_shape
-            gripper_from_box[:3, 3] += gripper_from_box[:3, :3] @ (low + high) / 2
-            placed.append(gripper_from_box)
-            halves.append((high - low) / 2)
-    gripper_from_boxes, halves = np.stack(placed), np.stack(halves)
-    turns, middles = gripper_from_boxes[:, :3, :3].transpose(0, 2, 1), gripper_from_boxes[:, :3, 3]
-    around = np.einsum("bij,bi->bj", np.abs(turns), halves)
-    places = -np.einsum("bij,bj->bi", turns, middles)
-    turns, places, halves = (np.ascontiguousarray(part, np.float32) for part in (turns, places, halves))
-    return _Boxes(turns, places, halves, np.stack([middles - around, middles + around]))
-
-
-def _swept(
-    corners: Float[np.ndarray, "2 *b 3"], margin: float, shifts: Float[np.ndarray, "c 3"]
-) -> Float32[np.ndarray, "2 *b 3"]:
-    """Low and high corners of what boxes sweep under these shifts, and a margin around it [m]."""
-    low, high = corners[0] + shifts.min(axis=0) - margin, corners[1] + shifts.max(axis=0) + margin
-    return np.stack([low, high]).astype(np.float32)
+    unmoved = np.zeros((1, 3))
+    near = NearPoints.of(grasp, gripper, plausible, openings=[opening], shifts=unmoved)
+    return near.features(opening, unmoved, room=None if room is None else np.array([room]))[0]
 
 
 def _levers(
-    grasp: WarpedGrasp, centres: Float[np.ndarray, "s 3"], shifts: Float[np.ndarray, "c 3"]
+    grasp: WarpedGrasp, plausible: PlausibleObjects, shifts: Float[np.ndarray, "c 3"]
 ) -> Float[np.ndarray, "c s"]:
     """How far the weight lies from where the pads would hold it best [m]: see `ABOVE`, `BELOW`, `ASIDE`."""
     rotation = grasp.object_from_gripper[:3, :3]
-    local = ((centres - grasp.object_from_gripper[:3, 3]) @ rotation)[None] - shifts[:, None]
-    up = rotation.T @ UP
+    local = ((plausible.centres - grasp.object_from_gripper[:3, 3]) @ rotation)[None] - shifts[:, None]
+    up = rotation.T @ plausible.up
     across = np.abs(local[..., 1] * up[2] - local[..., 2] * up[1])
     height = local[..., 1:] @ up[1:]
     upright = ABOVE * np.maximum(height, 0) + BELOW * np.maximum(-height, 0)
@@ -144,129 +162,113 @@ def _receding(faces: PadFaces, across: Float32[np.ndarray, "2 m"]) -> Float32[np
     return faces.slopes[0].astype(np.float32) @ (across - middle[:, None])
 
 
-def _near(
-    points: Float32[np.ndarray, "3 p"],
-    turn: Float32[np.ndarray, "3 3"],
-    shift: Float32[np.ndarray, "3"],
-    corners: Float32[np.ndarray, "2 3"],
-) -> tuple[Float32[np.ndarray, "3 q"], Int[np.ndarray, "q"]]:
-    """The points turned and shifted back that then lie between two corners, and their numbers."""
-    kept, numbers = np.empty(points.shape, np.float32), np.empty(points.shape[1], np.int64)
-    count = _keep_near(points, turn, shift, corners, kept, numbers)
-    return np.ascontiguousarray(kept[:, :count]), numbers[:count]
-
-
-# Compiled functions hold loops over numbers alone: what they call of numpy takes longest to compile.
 @njit(**COMPILE)
 @no_type_check
-def _keep_near(points, turn, shift, corners, kept, numbers):
-    """Write the points of `_near` and their numbers; how many they are."""
-    count = 0
-    for p in range(points.shape[1]):
-        inside = True
-        for axis in range(3):
-            place = turn[axis, 0] * points[0, p] + turn[axis, 1] * points[1, p] + turn[axis, 2] * points[2, p]
-            place -= shift[axis]
-            if not corners[0, axis] < place < corners[1, axis]:
-                inside = False
-                break
-            kept[axis, count] = place
-        if inside:
-            numbers[count] = p
-            count += 1
-    return count
-
-
-@njit(**COMPILE)
-@no_type_check
-def _clear(points, draw, turns, places, halves, corners, moved, clearance):
-    """Lower each shift's and draw's clearance to the signed distance of its points to the nearest box [m].
-
-    Every other point is near enough to the next for fingers, and they are most of the work.
+def _near(points, around, turn, shift, corners, every):
+    """Points (3, m, s) turned and shifted back that then lie between two corners, and their numbers.
 
     Args:
-        moved: (b, c, 3) each shift, turned into the axes of each box [m].
+        around: middle (3, m) of all draws of each place, and how far the farthest is from it (m,): most places
+            are left out by them.
+        every: 1: all places; 2: every other one.
     """
+    middle, spread = around
+    draws, count = points.shape[2], 0
+    kept, numbers = np.empty((3, points[0].size), np.float32), np.empty(points[0].size, np.int64)
+    for m in range(0, points.shape[1], every):
+        inside = True
+        for axis in range(3):
+            place = turn[axis, 0] * middle[0, m] + turn[axis, 1] * middle[1, m] + turn[axis, 2] * middle[2, m]
+            place -= shift[axis]
+            inside &= corners[0, axis] - spread[m] < place < corners[1, axis] + spread[m]
+        if not inside:
+            continue
+        for s in range(draws):
+            inside = True
+            for axis in range(3):
+                place = turn[axis, 0] * points[0, m, s] + turn[axis, 1] * points[1, m, s]
+                place += turn[axis, 2] * points[2, m, s] - shift[axis]
+                kept[axis, count] = place
+                if not corners[0, axis] < place < corners[1, axis]:
+                    inside = False
+                    break
+            if inside:
+                numbers[count] = m * draws + s
+                count += 1
+    return kept[:, :count].copy(), numbers[:count].copy()
+
+
+@njit(**COMPILE)
+@no_type_check
+def _clear(points, draw, boxes, corners, shifts, clearance):
+    """Lower each shift's and draw's clearance to the signed distance of its points to the nearest box [m]."""
+    turns, places, halves = boxes
+    moved, still = np.empty((len(shifts), 3), np.float32), np.empty(3, np.float32)
     for b in range(len(halves)):
-        for p in range(0, points.shape[1], 2):
+        turn, half = turns[b], halves[b]
+        for c in range(len(shifts)):
+            for axis in range(3):
+                moved[c, axis] = (
+                    turn[axis, 0] * shifts[c, 0] + turn[axis, 1] * shifts[c, 1] + turn[axis, 2] * shifts[c, 2]
+                )
+        for p in range(points.shape[1]):
             x, y, z = points[0, p], points[1, p], points[2, p]
             if not (corners[0, b, 0] < x < corners[1, b, 0] and corners[0, b, 1] < y < corners[1, b, 1]
                     and corners[0, b, 2] < z < corners[1, b, 2]):  # fmt: skip
                 continue
-            along = turns[b, 0, 0] * x + turns[b, 0, 1] * y + turns[b, 0, 2] * z + places[b, 0]
-            across = turns[b, 1, 0] * x + turns[b, 1, 1] * y + turns[b, 1, 2] * z + places[b, 1]
-            up = turns[b, 2, 0] * x + turns[b, 2, 1] * y + turns[b, 2, 2] * z + places[b, 2]
-            s = draw[p]
-            for c in range(moved.shape[1]):
-                dx = abs(along - moved[b, c, 0]) - halves[b, 0]
-                dy = abs(across - moved[b, c, 1]) - halves[b, 1]
-                dz = abs(up - moved[b, c, 2]) - halves[b, 2]
-                deepest = max(dx, max(dy, dz))
-                if deepest > 0:
-                    dx, dy, dz = max(dx, NOTHING), max(dy, NOTHING), max(dz, NOTHING)
-                    deepest = np.sqrt(dx * dx + dy * dy + dz * dz)
-                if deepest < clearance[c, s]:
-                    clearance[c, s] = deepest
-
-
-def _meet(
-    points: Float32[np.ndarray, "3 p"],
-    facing: Float32[np.ndarray, "2 p"],
-    draw: Int[np.ndarray, "p"],
-    recede: Float32[np.ndarray, "2 p"],
-    corners: Float32[np.ndarray, "2 3"],
-    shifts: Float32[np.ndarray, "c 3"],
-    draws: int,
-) -> tuple[Int[np.ndarray, "c s"], Float[np.ndarray, "c s"]]:
-    """What closing pads meet: how many points, and how flat they lie; of the pad that meets less.
-
-    Towards -x the -x pad, towards +x the other; a pad's own points are those within `PATCH` of the first.
-
-    Args:
-        points: gripper frame before the shifts [m].
-        facing: of the -x and the +x pad: cosine of the angle between its face and their normals.
-        draw: which draw each is of.
-        recede: how far the face of each pad recedes along +x there, before the shifts [m].
-        corners: of what the pads sweep, see `_pad_corridor`.
-    """
-    first, count, flatness = met = np.zeros((3, 2, len(shifts), draws))
-    first -= np.inf
-    _count_met(points, facing, draw, recede, corners, shifts, np.empty(points.shape[1], np.bool_), met)
-    flatness /= np.maximum(count, 1)
-    return np.minimum(count[0], count[1]).astype(int), np.minimum(flatness[0], flatness[1])
+            for axis in range(3):
+                still[axis] = turn[axis, 0] * x + turn[axis, 1] * y + turn[axis, 2] * z + places[b, axis]
+            for c in range(len(shifts)):
+                outside, deepest = np.float32(0), np.float32(-np.inf)
+                for axis in range(3):
+                    beyond = abs(still[axis] - moved[c, axis]) - half[axis]
+                    outside += max(beyond, np.float32(0)) ** 2
+                    deepest = max(deepest, beyond)
+                distance = np.sqrt(outside) + min(deepest, np.float32(0))
+                clearance[c, draw[p]] = min(clearance[c, draw[p]], distance)
 
 
 @njit(**COMPILE)
 @no_type_check
-def _count_met(points, facing, draw, recede, corners, shifts, inside, met):
-    """Add up, for each pad, shift and draw, how far ahead the first point lies, points met, their cosines.
+def _meet(points, facing, draw, recede, corners, shifts, draws):
+    """What closing pads meet: how many points, and how flat they lie; of the pad that meets less.
+
+    Towards -x the -x pad, towards +x the other. A pad's own points are those near the first that it meets; a
+    point near the pad's edge counts less, and so does one that lies farther behind (`PATCH`, `BEHIND`), so
+    that nothing jumps when a point passes either.
 
     Args:
-        inside: (p,) whatever it holds.
-        met: (3, 2, c, draws) minus infinity, 0 and 0.
+        points: (3, p) gripper frame before the shifts [m].
+        facing: (2, p) of the -x and the +x pad: cosine of the angle between its face and their normals.
+        draw: (p,) which draw each is of.
+        recede: (2, p) how far the face of each pad recedes along +x there, before the shifts [m].
+        corners: (2, 3) of what the pads sweep, see `_pad_corridor`.
     """
+    count = np.zeros((2, len(shifts), draws))
+    flatness = np.zeros((2, len(shifts), draws))
+    first = np.full((2, draws), -np.inf)
+    share = np.empty(points.shape[1])
     for c in range(len(shifts)):
+        first[:] = -np.inf
         for p in range(points.shape[1]):
             x = points[0, p] - shifts[c, 0]
-            y = points[1, p] - shifts[c, 1]
-            z = points[2, p] - shifts[c, 2]
-            inside[p] = (
-                corners[0, 0] < x < corners[1, 0]
-                and corners[0, 1] < y < corners[1, 1]
-                and corners[0, 2] < z < corners[1, 2]
-            )
-            if inside[p]:
-                ahead, s = recede[0, p] - x, draw[p]
-                if ahead > met[0, 0, c, s]:
-                    met[0, 0, c, s] = ahead
-                ahead = x - recede[1, p]
-                if ahead > met[0, 1, c, s]:
-                    met[0, 1, c, s] = ahead
+            share[p] = 1.0 if corners[0, 0] < x < corners[1, 0] else 0.0
+            for axis in range(1, 3):
+                place = points[axis, p] - shifts[c, axis]
+                inside = min(place - corners[0, axis], corners[1, axis] - place)
+                share[p] *= min(max(0.5 + inside / (2 * EDGE), 0.0), 1.0)
+            if share[p] > 0:
+                back = (1 - share[p]) * BEHIND
+                first[0, draw[p]] = max(first[0, draw[p]], recede[0, p] - x - back)
+                first[1, draw[p]] = max(first[1, draw[p]], x - recede[1, p] - back)
         for p in range(points.shape[1]):
-            if inside[p]:
-                x, s = points[0, p] - shifts[c, 0], draw[p]
+            if share[p] > 0:
+                x = points[0, p] - shifts[c, 0]
                 for pad in range(2):
                     ahead = recede[0, p] - x if pad == 0 else x - recede[1, p]
-                    if ahead > met[0, pad, c, s] - PATCH:
-                        met[1, pad, c, s] += 1
-                        met[2, pad, c, s] += facing[pad, p]
+                    behind = first[pad, draw[p]] - ahead
+                    counts = share[p] * min(max((BEHIND - behind) / (BEHIND - PATCH), 0.0), 1.0)
+                    count[pad, c, draw[p]] += counts
+                    flatness[pad, c, draw[p]] += counts * facing[pad, p]
+    flatness /= np.maximum(count, 1e-9)
+    return np.minimum(count[0], count[1]), np.minimum(flatness[0], flatness[1])

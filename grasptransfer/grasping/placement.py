@@ -1,26 +1,27 @@
-"""Grasps shifted a little to where they are likeliest to hold, over all that the picture leaves possible.
+"""Grasps shifted and opened so that they are likeliest to hold, over all that the picture leaves possible.
 
-Refinement knows one shape, the reconstruction. Some millimetres nearer to the centre of mass, or with
-more room before the palm, a grasp forgives more of what the reconstruction has wrong. Each of the best
-grasps is tried at the places of a small grid, deeper or less deep and along the pads; their expected
-success is that of the ranking, on some of its draws. The best place that passes the check is taken.
+Refinement knows one shape, the reconstruction. Some millimetres nearer to the centre of mass, or with more
+room before the palm, a grasp forgives more of what the reconstruction has wrong, and so it does with the
+opening that leaves most room on both sides of each finger. Each grasp is tried with a few openings, then at the
+places of a small pattern, deeper or less deep and along the pads; their expected success is that of the
+ranking. The grasp goes to the mean of them, each weighted by exp(expected success / temperature). The best one
+would jump from place to place under noise that nobody sees; this mean moves as little as what it is made of.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.grasping.closing import Closing, close_pads
-from grasptransfer.grasping.collision import GraspCheck, check_grasps
-from grasptransfer.grasping.features import features_around
+from grasptransfer.grasping.collision import LEAST_ROOM, GraspCheck, check_grasps
+from grasptransfer.grasping.features import NearPoints
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.plausible import PlausibleObjects
-from grasptransfer.grasping.ranking import rank_grasps
 from grasptransfer.grasping.success_model import Ranking, expected_success
 from grasptransfer.grasping.warping import WarpedGrasp
-from grasptransfer.grasping.world import CollisionWorld
+from grasptransfer.grasping.world import CollisionWorld, OpenedGripper
 
 
 @dataclass(frozen=True)
@@ -28,22 +29,20 @@ class Placement:
     """Settings of the search.
 
     Args:
-        ways: shifts along the approach and along the pads' y, each with each [m].
-        most: grasps that are placed, those of highest expected success.
-        draws: plausible objects on which places are compared.
+        rings: radii of the places around a grasp, along its approach and the pads' y, six on each [m].
+        rooms: on each side of the object, of the openings that are tried beside the widest [m].
+        temperature: how much less expected success counts 2.7 times less.
         leaving: expected success that a shift of `far` has to gain; it grows with the square.
         far: m.
-        tries: places whose check is tried.
-        gain: least expected success that a place has to gain.
+        shares: of the shift that are tried, one after the other, until its check is passed.
     """
 
-    ways: tuple[float, ...] = (-0.008, -0.004, 0.0, 0.004, 0.008)
-    most: int = 8
-    draws: int = 8
+    rings: tuple[float, ...] = (0.004, 0.008)
+    rooms: tuple[float, ...] = (0.005, 0.01, 0.02)
+    temperature: float = 0.02
     leaving: float = 0.02
     far: float = 0.01
-    tries: int = 4
-    gain: float = 0.005
+    shares: tuple[float, ...] = (1.0, 0.5, 0.25)
 
 
 def place_grasps(
@@ -55,94 +54,136 @@ def place_grasps(
     plausible: PlausibleObjects,
     settings: Placement | None = None,
 ) -> tuple[tuple[WarpedGrasp, ...], tuple[GraspCheck, ...]]:
-    """Shift the best grasps to where expected success is highest; the others stay.
+    """Shift and open every grasp so that its expected success is highest.
 
     Args:
         grasps: refined, object frame.
         checks: of each; one that failed its check stays as it is.
         world: reconstruction and scene.
         plausible: objects that the picture leaves possible.
+        settings: of the search.
 
     Returns:
         The grasps and their checks, in the order given.
     """
-    settings = settings or Placement()
-    few = plausible.some(settings.draws)
-    scores = np.array(rank_grasps(grasps, checks, gripper, plausible=few))
-    chosen = [int(i) for i in np.argsort(-scores, kind="stable")[: settings.most] if scores[i] > 0]
+    chosen = [i for i, check in enumerate(checks) if check.usable]
     placed, checked = list(grasps), list(checks)
     if chosen:
-        search = _Search(
-            [grasps[i] for i in chosen], [checks[i] for i in chosen], world, gripper, few, settings
-        )
-        for number, i in enumerate(chosen):
-            placed[i], checked[i] = search.best(number)
+        standing = [_Standing(grasps[i], checks[i]) for i in chosen]
+        search = _Search(standing, world, gripper, plausible.half(), settings or Placement())
+        for i, (grasp, check) in zip(chosen, search.run(), strict=True):
+            placed[i], checked[i] = grasp, check
     return tuple(placed), tuple(checked)
 
 
+@dataclass(frozen=True)
+class _Standing:
+    """A grasp where refinement left it, and its check there."""
+
+    grasp: WarpedGrasp
+    check: GraspCheck
+
+
 class _Search:
-    """All places of all grasps of one call; the first place of each is where it stands."""
+    """All grasps of one call."""
 
     def __init__(
         self,
-        grasps: list[WarpedGrasp],
-        checks: list[GraspCheck],
+        standing: list[_Standing],
         world: CollisionWorld,
         gripper: Gripper,
         plausible: PlausibleObjects,
         settings: Placement,
     ):
-        self.grasps, self.checks, self.settings = grasps, checks, settings
-        self.world, self.gripper, self.plausible = world, gripper, plausible
-        self.shifts = np.tile(_grid(settings.ways), (len(grasps), 1, 1))
-        self.closing = self._close()
-        # Between the pads again, where the object is not as straight as the shift.
-        middle = self.closing.off_centre.reshape(self.shifts.shape[:2])
-        self.shifts[..., 1:, 0] = np.nan_to_num(middle)[..., 1:]
-
-    def _close(self) -> Closing:
-        places, starts = self.shifts.shape[1], np.stack([g.object_from_gripper for g in self.grasps])
-        poses = np.tile(starts[:, None], (1, places, 1, 1))
-        poses[..., :3, 3] += np.einsum("gij,gpj->gpi", starts[:, :3, :3], self.shifts)
-        openings = np.repeat([check.opening for check in self.checks], places)
-        widths = np.repeat([grasp.width for grasp in self.grasps], places)
-        return close_pads(
-            self.world.surface, poses.reshape(-1, 4, 4), openings, self.gripper, expected=widths
+        self.standing, self.world, self.gripper, self.settings = standing, world, gripper, settings
+        self.pattern = _pattern(settings.rings)
+        self.poses = np.stack([one.grasp.object_from_gripper for one in standing])
+        self.widths = np.array([one.grasp.width for one in standing])
+        tried = [self._openings(one.grasp, one.check) for one in standing]
+        self.near = [
+            NearPoints.of(one.grasp, gripper, plausible, openings=openings, shifts=self.pattern)
+            for one, openings in zip(standing, tried, strict=True)
+        ]
+        chances = [
+            np.array([self._chances(i, opening, self.pattern[:1])[0] for opening in openings])
+            for i, openings in enumerate(tried)
+        ]
+        self.before = np.array([each[0] for each in chances])
+        self.openings = np.array(
+            [self._weights(each) @ openings for each, openings in zip(chances, tried, strict=True)]
         )
 
-    def best(self, number: int) -> tuple[WarpedGrasp, GraspCheck]:
-        """The grasp at its best place, and the check there."""
-        grasp, check, settings = self.grasps[number], self.checks[number], self.settings
-        shifts, places = self.shifts[number], self.shifts.shape[1]
-        touching = self.closing.touching[number * places :][:places].all(axis=1)
-        chances = self._chances(grasp, check.opening, shifts)
-        left = np.linalg.norm(shifts, axis=1) / settings.far
-        value = np.where(touching, chances - settings.leaving * left**2, -np.inf)
-        for place in np.argsort(-value, kind="stable")[: settings.tries]:
-            if value[place] < chances[0] + settings.gain:
-                break
-            moved = self._moved(grasp, shifts[place], number * places + int(place))
-            there = check_grasps([moved], self.world, self.gripper)[0]
-            # Its check may have chosen another opening, which has other chances.
-            if there.usable and self._chances(moved, there.opening, np.zeros((1, 3)))[0] > chances[0]:
-                return moved, there
-        return grasp, check
+    def run(self) -> list[tuple[WarpedGrasp, GraspCheck]]:
+        """Each grasp at its best place, and the check there."""
+        found = [(one.grasp, one.check) for one in self.standing]
+        best, left = self._best(), list(range(len(found)))
+        for share in self.settings.shares:
+            closing, shifts = self._between_pads(share * best[:, None])
+            left = [i for i in left if closing.touching[i].all()]
+            moved = [self._moved(i, shifts[i, 0], closing) for i in left]
+            for i, grasp, check in zip(
+                tuple(left), moved, check_grasps(moved, self.world, self.gripper), strict=True
+            ):
+                # The check may have chosen another opening, which has other chances.
+                if check.usable and self._chances(i, check.opening, shifts[i])[0] >= self.before[i]:
+                    found[i] = replace(grasp, opening=self.standing[i].grasp.opening), check
+                    left.remove(i)
+        return found
 
-    def _chances(
-        self, grasp: WarpedGrasp, opening: float, shifts: Float[np.ndarray, "p 3"]
-    ) -> Float[np.ndarray, "p"]:
-        features = features_around(grasp, opening, self.gripper, self.plausible, shifts)
+    def _best(self) -> Float[np.ndarray, "g 3"]:
+        """The shift of each grasp: the mean of the pattern, weighted by expected success."""
+        shifts = self._between_pads(np.tile(self.pattern, (len(self.standing), 1, 1)))[1]
+        far = np.linalg.norm(shifts, axis=2) / self.settings.far
+        best = []
+        for i, (opening, each, left) in enumerate(zip(self.openings, shifts, far, strict=True)):
+            value = self._chances(i, opening, each) - self.settings.leaving * left**2
+            best.append(self._weights(value) @ each)
+        return np.stack(best)
+
+    def _openings(self, grasp: WarpedGrasp, check: GraspCheck) -> list[float]:
+        """Openings to come in with [m], first that of the check; it alone where a person has said so."""
+        if grasp.opening is not None:
+            return [check.opening]
+        least, most = grasp.width + 2 * LEAST_ROOM, self.gripper.max_width
+        wanted = [most, *(grasp.width + 2 * room for room in self.settings.rooms)]
+        tried = {round(float(np.clip(opening, least, most)), 9) for opening in wanted}
+        return [check.opening, *sorted(tried - {round(check.opening, 9)})]
+
+    def _chances(self, i: int, opening: float, shifts: Float[np.ndarray, "c 3"]) -> Float[np.ndarray, "c"]:
+        """Expected success of a grasp after each shift."""
+        room = None
+        if self.world.has_obstacles:
+            room = self.world.beside(self.poses[i], OpenedGripper(self.gripper, opening)).after(shifts)
+        features = self.near[i].features(opening, shifts, room=room)
         return np.asarray(expected_success(features, Ranking.fitted().weights))
 
-    def _moved(self, grasp: WarpedGrasp, shift: Float[np.ndarray, "3"], row: int) -> WarpedGrasp:
-        pose = grasp.object_from_gripper.copy()
+    def _weights(self, value: Float[np.ndarray, "c"]) -> Float[np.ndarray, "c"]:
+        weights = np.exp((value - value.max()) / self.settings.temperature)
+        return weights / weights.sum()
+
+    def _between_pads(
+        self, shifts: Float[np.ndarray, "g c 3"]
+    ) -> tuple[Closing, Float[np.ndarray, "g c 3"]]:
+        """How each grasp closes after each shift, and the shifts with the object between the pads again."""
+        count = shifts.shape[1]
+        poses = np.repeat(self.poses, count, axis=0)
+        poses[:, :3, 3] += np.einsum("gij,gcj->gci", self.poses[:, :3, :3], shifts).reshape(-1, 3)
+        openings, widths = np.repeat(self.openings, count), np.repeat(self.widths, count)
+        closing = close_pads(self.world.surface, poses, openings, self.gripper, expected=widths)
+        centred = shifts.copy()
+        centred[..., 0] += np.nan_to_num(closing.off_centre).reshape(shifts.shape[:2])
+        return closing, centred
+
+    def _moved(self, i: int, shift: Float[np.ndarray, "3"], closing: Closing) -> WarpedGrasp:
+        """A grasp after its shift, closing on what it meets there."""
+        pose, grasp = self.poses[i].copy(), self.standing[i].grasp
         pose[:3, 3] += pose[:3, :3] @ shift
-        return grasp.closing_at(pose, float(self.closing.width[row]), self.closing.points[row])
+        there = grasp.closing_at(pose, float(closing.width[i]), closing.points[i])
+        return replace(there, opening=float(self.openings[i]))
 
 
-def _grid(ways: tuple[float, ...]) -> Float[np.ndarray, "p 3"]:
-    """Shifts along y and z, gripper frame [m]; none first."""
-    y, z = (part.ravel() for part in np.meshgrid(ways, ways, indexing="ij"))
-    moved = (y != 0) | (z != 0)
-    grid = np.stack([np.zeros(moved.sum()), y[moved], z[moved]], axis=1)
-    return np.concatenate([np.zeros((1, 3)), grid])
+def _pattern(rings: tuple[float, ...]) -> Float[np.ndarray, "c 3"]:
+    """Shifts along y and z, gripper frame [m]; none first, then hexagons."""
+    angles = np.radians(60) * np.arange(6)
+    ring = np.stack([np.zeros(6), np.cos(angles), np.sin(angles)], axis=1)
+    return np.concatenate([np.zeros((1, 3)), *(radius * ring for radius in rings)])

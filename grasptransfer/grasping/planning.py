@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from grasptransfer.grasping.collision import GraspCheck, check_grasps
 from grasptransfer.grasping.placement import place_grasps
-from grasptransfer.grasping.plausible import PlausibleObjects
+from grasptransfer.grasping.plausible import PlausibleObjects, surface_places
 from grasptransfer.grasping.refine import refine_grasps
 from grasptransfer.grasping.warping import WarpedGrasp, warp_grasps
 from grasptransfer.grasping.world import CollisionWorld
@@ -71,7 +71,8 @@ def plan_grasps(
         timings[stage], last = now - last, now
 
     mesh = reconstruct(category, estimate.field, latent=estimate.latent)
-    world = CollisionWorld(mesh, scene, estimate.camera_from_object)
+    points = surface_places(mesh, category)[0].points(mesh)
+    world = CollisionWorld(mesh, scene, estimate.camera_from_object, points=points)
     lap("reconstruct")
     warped = warp_grasps(annotated, estimate.field)
     lap("warp")

@@ -18,8 +18,6 @@ from grasptransfer.grasping.plausible import PlausibleObjects
 from grasptransfer.grasping.success_model import FEATURES, Features, Ranking, expected_success
 from grasptransfer.grasping.warping import WarpedGrasp
 
-_UNMOVED = np.zeros((1, 3))
-
 
 def rank_grasps(
     grasps: Sequence[WarpedGrasp],
@@ -56,7 +54,7 @@ def grasp_features(
     Unusable grasps get no rows. Arguments as of `rank_grasps`.
     """
     return [
-        features_around(grasp, check.opening, gripper, plausible, _UNMOVED)[0]
+        features_around(grasp, check.opening, gripper, plausible, room=check.room)
         if check.usable
         else np.zeros((0, len(FEATURES)))
         for grasp, check in zip(grasps, checks, strict=True)

@@ -1,11 +1,15 @@
 """Local search around a warped grasp on the instance's surface.
 
 A grasp that is too wide first slides to where the gripper fits. Then a few rounds of sampled motions of
-the TCP, all grasps at once: each round keeps, per grasp, the cheapest pose that collides with nothing,
-or one with room before palm and finger tips where that costs little more. The cost asks for contact on
-both pads, normals against the pads, contacts in the middle of the pads, and nearness to the annotated
-intention. The samples are the same for every grasp and every call: a grasp refines alone as it does
-among others.
+the TCP, all grasps at once. The cost of a pose asks for contact on both pads, normals against the pads,
+contacts in the middle of the pads, room around the opened gripper, and nearness to the annotated intention.
+Each round moves a grasp by the mean of the sampled motions, each weighted by exp(-cost / temperature), as
+far along it as the same weights say (path integral control; Theodorou, Buchli and Schaal, 2010). The
+cheapest sample would jump under noise that nobody sees; the mean moves as little as its weights do. Motions come
+in pairs, and are the same for every grasp and every call: a grasp refines alone as it does among others.
+
+Where the pose found still collides, with an obstacle of the scene or on its way in, the cheapest sampled pose
+that is free is taken.
 """
 
 from collections.abc import Sequence
@@ -16,8 +20,10 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.grasping.closing import Closing, close_pads
-from grasptransfer.grasping.collision import LEAST_ROOM
+from grasptransfer.grasping.collision import LEAST_ROOM, MARGIN
+from grasptransfer.grasping.draws import paired_draws
 from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.gripper_boxes import clearances, gripper_boxes, points_within
 from grasptransfer.grasping.scene import Scene
 from grasptransfer.grasping.sliding import slide_where_too_wide
 from grasptransfer.grasping.surface import Surface
@@ -33,19 +39,21 @@ class Refinement:
     """Settings of the search.
 
     Args:
-        rounds: of sampling; each one searches half as far as the one before.
+        rounds: of sampling; each one searches half as far as the one before, at half the temperature.
         samples: motions per grasp and round.
+        temperature: cost by which a motion counts 2.7 times less, in the first round.
         shift: standard deviation of the first round's shifts [m].
         turn: standard deviation of the first round's turns [rad].
         farthest_shift, farthest_turn: where the cost of leaving the annotated intention reaches `leaving`.
         farthest_tilt: angle of a contact's normal where the cost reaches `tilt` [rad].
         missing, tilt, coverage, off_centre, leaving, colliding: weights of the cost.
-        room: wanted before palm and finger tips, and beside the object in the open gripper [m].
-        tight: cost of having none.
+        room: wanted around the opened gripper, and beside the object in it [m].
+        tight: cost of having none; inside the object it grows with the square of the depth.
     """
 
     rounds: int = 3
     samples: int = 20
+    temperature: float = 0.15
     shift: float = 0.005
     turn: float = 0.12
     farthest_shift: float = 0.015
@@ -76,6 +84,8 @@ _FIXED = np.array(
     ]
 )
 STEP = 0.008  # m between poses of the approach; `check_grasps` looks twice as closely
+_SHARES = np.array([0.0, 0.5, 1.0])  # of a motion: how far along it is weighed anew
+FARTHEST = 0.04  # m: no point of the gripper moves farther
 HALF_PAD = 0.009  # m; contacts this far from the pads' middle cost `off_centre`
 
 
@@ -123,13 +133,21 @@ class _Search:
         self.best = self.start.copy()
         self._widen()
         self.opened = [OpenedGripper(gripper, float(opening)) for opening in self.openings]
-        self.rng = np.random.default_rng(0)
+        self.boxes = [gripper_boxes(gripper, float(opening)) for opening in self.openings]
+        self.near = [
+            points_within(world.points[::2], pose, boxes, margin=FARTHEST)
+            for pose, boxes in zip(self.best, self.boxes, strict=True)
+        ]
+        normal = paired_draws(np.eye(6), np.eye(6), settings.samples)[0]
+        self.motions = normal * np.array([settings.shift] * 3 + [settings.turn] * 3)
 
     def run(self) -> list[WarpedGrasp]:
         """Search, then read widths and contacts off the surface."""
         self._align()
         for round_ in range(self.settings.rounds):
             self._round(0.5**round_, first=round_ == 0)
+        self.best = self._centred(self.best[:, None])[1][:, 0]
+        self._free()
         closing = self._close(self.best[:, None])
         return [self._result(i, closing) for i in range(len(self.grasps))]
 
@@ -163,20 +181,27 @@ class _Search:
         usable = closing.touching.all(axis=1) & (length > 0.5)
         axis = np.where(usable[:, None], axis / np.where(usable, length, 1)[:, None], self.best[:, :3, 0])
         turn = np.cross(self.best[:, :3, 0], axis)
-        turned = self.best.copy()
-        turned[:, :3, :3] = _rotations(turn) @ self.best[:, :3, :3]
-        self._keep(np.stack([self.best, turned], axis=1))
+        self._advance(np.concatenate([np.zeros_like(turn), turn], axis=1)[:, None], self.settings.temperature)
 
     def _round(self, scale: float, *, first: bool) -> None:
-        settings = self.settings
-        spread = np.array([settings.shift] * 3 + [settings.turn] * 3) * scale
-        motions = self.rng.normal(size=(settings.samples, 6)) * spread
-        motions = np.concatenate([_FIXED if first else _FIXED[:1], motions])
-        rotations = _rotations(motions[:, 3:])
-        candidates = np.tile(self.best[:, None], (1, len(motions), 1, 1))
-        candidates[..., :3, :3] = self.best[:, None, :3, :3] @ rotations
-        candidates[..., :3, 3] += np.einsum("gij,cj->gci", self.best[:, :3, :3], motions[:, :3])
-        self._keep(candidates)
+        motions = np.concatenate([_FIXED if first else _FIXED[:1], scale * self.motions])
+        self._advance(np.tile(motions, (len(self.best), 1, 1)), scale * self.settings.temperature)
+
+    def _advance(self, motions: Float[np.ndarray, "g c 6"], temperature: float) -> None:
+        """Move each grasp by the weighted mean of its motions, as far as that pays, between the pads."""
+        weights = _weights(self._cost(*self._centred(self._moved(motions))), temperature)
+        mean = np.einsum("gc,gcm->gm", weights, motions)
+        steps = _SHARES[:, None] * mean[:, None]
+        along = _weights(self._cost(*self._centred(self._moved(steps))), temperature)
+        self.best = self._moved(np.einsum("gc,gcm->gm", along, steps)[:, None])[:, 0]
+
+    def _moved(self, motions: Float[np.ndarray, "g c 6"]) -> Float[np.ndarray, "g c 4 4"]:
+        """Each grasp after each motion of its TCP, along its own axes."""
+        candidates = np.tile(self.best[:, None], (1, motions.shape[1], 1, 1))
+        turns = _rotations(motions[..., 3:].reshape(-1, 3)).reshape(*motions.shape[:2], 3, 3)
+        candidates[..., :3, :3] = self.best[:, None, :3, :3] @ turns
+        candidates[..., :3, 3] += np.einsum("gij,gcj->gci", self.best[:, :3, :3], motions[..., :3])
+        return candidates
 
     def _close(self, candidates: Float[np.ndarray, "g c 4 4"]) -> Closing:
         repeat = candidates.shape[1]
@@ -188,47 +213,36 @@ class _Search:
             expected=np.repeat(self.widths, repeat),
         )
 
-    def _keep(self, candidates: Float[np.ndarray, "g c 4 4"]) -> None:
-        """Centre the candidates between the pads, and keep each grasp's best that is free."""
-        count, repeat = candidates.shape[:2]
-        closing = self._close(candidates)
-        middle = np.nan_to_num(closing.off_centre).reshape(count, repeat)
-        candidates = candidates.copy()
-        candidates[..., :3, 3] += candidates[..., :3, 0] * middle[..., None]
+    def _centred(
+        self, candidates: Float[np.ndarray, "g c 4 4"]
+    ) -> tuple[Closing, Float[np.ndarray, "g c 4 4"]]:
+        """How the candidates close, and where the object is in the middle between their pads."""
+        closing, centred = self._close(candidates), candidates.copy()
+        middle = np.nan_to_num(closing.off_centre).reshape(candidates.shape[:2])
+        centred[..., :3, 3] += centred[..., :3, 0] * middle[..., None]
+        return closing, centred
+
+    def _free(self) -> None:
+        """Where a grasp's pose collides, the cheapest free one of those around it and around its start."""
+        blocked = [i for i, pose in enumerate(self.best) if self._blocked(i, pose)]
+        if not blocked:
+            return
+        motions = np.tile(np.concatenate([_FIXED, self.motions]), (len(self.best), 1, 1))
+        closing, candidates = self._centred(self._moved(motions))
         cost = self._cost(closing, candidates)
-        order = np.argsort(cost, axis=1, kind="stable")
-        for i in range(count):
-            self.best[i] = candidates[i, self._choose(i, candidates[i], cost[i], order[i])]
-
-    def _choose(
-        self, i: int, candidates: Float[np.ndarray, "c 4 4"], cost: Float[np.ndarray, "c"], order: np.ndarray
-    ) -> int:
-        """The cheapest that is free; one with room, where that costs little more; else the cheapest."""
-        chosen, most = None, cost[order[0]] + self.settings.colliding
-        for candidate in order:
-            if cost[candidate] > most:
-                break
-            pose = candidates[candidate]
-            if chosen is None and not self._blocked(i, pose):
-                if self._roomy(i, pose):
-                    return int(candidate)
-                chosen, most = int(candidate), min(most, cost[candidate] + self.settings.tight)
-            elif chosen is not None and self._roomy(i, pose) and not self._blocked(i, pose):
-                return int(candidate)
-        return int(order[0]) if chosen is None else chosen
-
-    def _roomy(self, i: int, pose: Float[np.ndarray, "4 4"]) -> bool:
-        """Whether the opened gripper could go a little deeper."""
-        deeper = pose.copy()
-        deeper[:3, 3] += self.settings.room * pose[:3, 2]
-        return not self.world.touching(deeper, self.opened[i])
+        for i in blocked:
+            order = np.argsort(cost[i], kind="stable")
+            cheap = order[cost[i, order] < cost[i, order[0]] + self.settings.colliding]
+            free = [candidate for candidate in cheap if not self._blocked(i, candidates[i, candidate])]
+            self.best[i] = candidates[i, free[0] if free else order[0]]
 
     def _blocked(self, i: int, pose: Float[np.ndarray, "4 4"]) -> bool:
-        """Whether the opened gripper touches anything at a pose, or on its way in."""
+        """Whether the opened gripper touches anything, or comes too near, at a pose or on its way in."""
         back, way = pose.copy(), self.grasps[i].approach_distance
         for distance in np.linspace(0.0, way, int(np.ceil(way / STEP)) + 1):
             back[:3, 3] = pose[:3, 3] - distance * pose[:3, 2]
-            if self.world.touching(back, self.opened[i]):
+            opened = self.opened[i]
+            if self.world.touching(back, opened) or self.world.room(back, opened) < MARGIN:
                 return True
         return False
 
@@ -247,13 +261,18 @@ class _Search:
         left = (shift / settings.farthest_shift) ** 2 + (turn / settings.farthest_turn) ** 2
         left_over = self.gripper.max_width - np.nan_to_num(closing.width).reshape(shape)
         tight = np.clip(1 - left_over / (2 * settings.room), 0, None)
+        rooms = [
+            clearances(near, poses, boxes, far=settings.room)
+            for near, poses, boxes in zip(self.near, candidates, self.boxes, strict=True)
+        ]
+        missing_room = 1 - np.maximum(np.stack(rooms), -4 * settings.room) / settings.room
         return (
             settings.missing * missing
             + settings.tilt * (tilt / settings.farthest_tilt) ** 2
             + settings.coverage * bare
             + settings.off_centre * off**2
             + settings.leaving * left
-            + settings.tight * tight
+            + settings.tight * (tight + missing_room**2)
         )
 
     def _result(self, i: int, closing: Closing) -> WarpedGrasp:
@@ -261,6 +280,11 @@ class _Search:
         if not closing.touching[i].all():
             return grasp
         return grasp.closing_at(self.best[i], float(closing.width[i]), closing.points[i])
+
+
+def _weights(cost: Float[np.ndarray, "g c"], temperature: float) -> Float[np.ndarray, "g c"]:
+    weights = np.exp((cost.min(axis=1, keepdims=True) - cost) / temperature)
+    return weights / weights.sum(axis=1, keepdims=True)
 
 
 def _along_x(pose: Float[np.ndarray, "4 4"], contacts: Float[np.ndarray, "2 3"]) -> float:

@@ -15,11 +15,15 @@ from grasptransfer.category import objects_folder
 from grasptransfer.errors import GraspFileError
 from grasptransfer.fitted import Fit, read_fits, write_fits
 
-FEATURES = ("clearance", "flatness", "coverage", "moment")
+FEATURES = ("clearance", "flatness", "coverage", "moment", "load")
 WEIGHTS = ("entry", "clearance", "bias", "flatness", "coverage", "moment")
 BLOCKS = {"ranking": WEIGHTS}
 
-Features = Float[np.ndarray, "s 4"]
+# How sharply the chance falls where the load nears the most that friction can bear. No weight to fit: with an
+# exact mass, friction and force Coulomb's law knows the answer, and what is not exact is drawn.
+BEARING = 10.0
+
+Features = Float[np.ndarray, "s 5"]
 Weights = Float[np.ndarray, "6"]
 
 
@@ -33,8 +37,10 @@ class Ranking:
         least_chance: a grasp that the gripper reaches is unusable below this score.
 
     The features: clearance in mm (between -12 and 3), flatness as a cosine, coverage as a share of a pad's
-    points, moment in kg cm: mass times how far its centre lies from where the pads would hold it best. What
-    lies beside the closing line has most of it, what hangs straight below the pads little.
+    points, moment in kg cm: mass times how far its centre lies from where the pads would hold it best, scaled
+    from their friction and force to those of the simulation protocols. What lies beside the closing line has
+    most of it, what hangs straight below the pads little. The load is what the weight, and a shake of as much
+    again, take of the most that friction can bear; it needs no weight: beyond 1 nothing holds.
     """
 
     entry: float
@@ -78,13 +84,19 @@ def write_ranking(weights: Weights, *, path: Path | None = None) -> None:
 
 
 def expected_success(
-    features: Float[np.ndarray, "*g s 4"], weights: Weights
+    features: Float[np.ndarray, "*g s 5"], weights: Weights
 ) -> Float[np.ndarray, "*g"] | np.floating:
     """Mean chance of getting there and holding, over the draws; where a pad meets nothing there is none."""
+    return chances(features, weights).mean(axis=-1)
+
+
+def chances(features: Float[np.ndarray, "*g s 5"], weights: Weights) -> Float[np.ndarray, "*g s"]:
+    """Chance of getting there and holding, in each draw."""
     entry, clearance, bias, *others = weights
     enters = _logistic(entry + clearance * features[..., 0])
-    holds = _logistic(bias + features[..., 1:] @ np.array(others))
-    return np.nan_to_num(enters * holds, nan=0.0).mean(axis=-1)
+    holds = _logistic(bias + features[..., 1:4] @ np.array(others))
+    bears = _logistic(BEARING * (1 - features[..., 4]))
+    return np.nan_to_num(enters * holds * bears, nan=0.0)
 
 
 def _logistic(odds: np.ndarray) -> np.ndarray:

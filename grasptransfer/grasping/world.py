@@ -16,6 +16,7 @@ from grasptransfer.frames import check_rigid, invert, transform_points
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.scene import Scene
 from grasptransfer.grasping.surface import Surface, bvh_of
+from grasptransfer.grasping.surface_places import SURFACE_POINTS, SurfacePlaces
 
 if TYPE_CHECKING:
     import trimesh
@@ -30,6 +31,28 @@ class Touch:
     link: str
     obstacle: str
     depth: float
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What stands beside an opened gripper: one row for each link and each near obstacle.
+
+    Args:
+        distance: between their nearest points [m]; 0 where they overlap.
+        away: unit vectors from the obstacle to the link, gripper frame; 0 where they overlap.
+        links, obstacles: their names.
+    """
+
+    distance: Float[np.ndarray, "n"]
+    away: Float[np.ndarray, "n 3"]
+    links: tuple[str, ...]
+    obstacles: tuple[str, ...]
+
+    def after(self, shifts: Float[np.ndarray, "c 3"]) -> Float[np.ndarray, "c"]:
+        """Room left after each small shift, gripper frame [m]; infinite where nothing is near."""
+        if not len(self.distance):
+            return np.full(len(shifts), np.inf)
+        return (self.distance + shifts @ self.away.T).min(axis=1)
 
 
 @dataclass(frozen=True)
@@ -97,6 +120,7 @@ class CollisionWorld:
         mesh: the object's surface, object frame [m].
         scene: obstacles and support plane, camera frame.
         camera_from_object: pose of the object (4, 4) [m]; matters with a scene only.
+        points: spread over the object's surface, its frame [m]; None: some are spread here.
 
     Raises:
         MeshError, PoseError: a mesh or the pose is not usable.
@@ -107,10 +131,14 @@ class CollisionWorld:
         mesh: "trimesh.Trimesh | Surface",
         scene: Scene | None = None,
         camera_from_object: Float[np.ndarray, "4 4"] | None = None,
+        *,
+        points: Float[np.ndarray, "m 3"] | None = None,
     ):
         import fcl
 
         self.surface = mesh if isinstance(mesh, Surface) else Surface(mesh)
+        spread = SurfacePlaces.spread(self.surface.mesh, SURFACE_POINTS) if points is None else None
+        self.points = points if spread is None else spread.points(self.surface.mesh)
         pose = np.eye(4) if camera_from_object is None else camera_from_object
         object_from_camera = invert(check_rigid(pose, "camera_from_object"))
         scene = Scene() if scene is None else scene
@@ -149,6 +177,42 @@ class CollisionWorld:
             depths = self._plane_depths(object_from_gripper, opened)
             pairs += [(i, -1) for i, depth in enumerate(depths) if depth > 0]
         return pairs
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether anything but the object is there."""
+        return len(self.bodies) > 1 or self.support_plane is not None
+
+    def room(self, object_from_gripper: Float[np.ndarray, "4 4"], opened: OpenedGripper) -> float:
+        """Distance to the nearest obstacle or the support plane [m]; infinite where there is none."""
+        if not self.has_obstacles:
+            return np.inf
+        return float(self.beside(object_from_gripper, opened).distance.min())
+
+    def beside(self, object_from_gripper: Float[np.ndarray, "4 4"], opened: OpenedGripper) -> Beside:
+        """How far each link is from each obstacle and the support plane; the object itself is none."""
+        import fcl
+
+        gripper_from_object, rows = invert(object_from_gripper), []
+        for (name, _, placed), body in zip(self.bodies[1:], self._fcl[1:], strict=True):
+            pose = gripper_from_object @ placed
+            body.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+            for part, link in zip(opened.parts, opened.bodies, strict=True):
+                result = fcl.DistanceResult()
+                distance = fcl.distance(link, body, fcl.DistanceRequest(enable_nearest_points=True), result)
+                away = np.subtract(*result.nearest_points) if distance > 0 else np.zeros(3)
+                rows.append((max(distance, 0.0), away / max(np.linalg.norm(away), 1e-9), part.name, name))
+        if self.support_plane is not None:
+            normal = object_from_gripper[:3, :3].T @ self.support_plane[1]
+            depths = self._plane_depths(object_from_gripper, opened)
+            rows += [
+                (max(-depth, 0.0), normal, part.name, SUPPORT)
+                for part, depth in zip(opened.parts, depths, strict=True)
+            ]
+        if not rows:
+            return Beside(np.zeros(0), np.zeros((0, 3)), (), ())
+        distance, away, links, obstacles = zip(*rows, strict=True)
+        return Beside(np.array(distance), np.stack(away), links, obstacles)
 
     def swallowed(
         self, object_from_gripper: Float[np.ndarray, "4 4"], opened: OpenedGripper

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from grasptransfer.errors import GripperError
 from grasptransfer.frames import invert, transform_points
@@ -61,6 +61,10 @@ class PadFaces:
     across: Float[np.ndarray, "g 2 2"]
     slopes: Float[np.ndarray, "g 2 2"]
     normals: Float[np.ndarray, "g 2 3"]
+
+    def take(self, rows: Int[np.ndarray, "n"]) -> "PadFaces":
+        """Those of the chosen openings."""
+        return PadFaces(self.across[rows], self.slopes[rows], self.normals[rows])
 
 
 @dataclass(frozen=True)

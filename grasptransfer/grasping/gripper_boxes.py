@@ -1,0 +1,132 @@
+"""Every part of an opened gripper as a box, and how far points are from them: compiled, many poses at once."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Float, Float32
+from numba import njit
+
+from grasptransfer.grasping.gripper import Gripper
+
+COMPILE = {"nogil": True, "cache": True, "error_model": "numpy"}
+
+
+@dataclass(frozen=True)
+class GripperBoxes:
+    """Every part of an opened gripper as a box, single precision.
+
+    Args:
+        turns, places: `box_from_gripper`, rotation and place of the TCP [m].
+        halves: half of each size [m].
+        each: low and high corner of what holds each box, gripper frame [m].
+    """
+
+    turns: Float32[np.ndarray, "b 3 3"]
+    places: Float32[np.ndarray, "b 3"]
+    halves: Float32[np.ndarray, "b 3"]
+    each: Float[np.ndarray, "2 b 3"]
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Low and high corner of what holds all boxes, gripper frame [m]."""
+        return np.stack([self.each[0].min(axis=0), self.each[1].max(axis=0)])
+
+
+@lru_cache(maxsize=512)
+def gripper_boxes(gripper: Gripper, opening: float) -> GripperBoxes:
+    poses, placed, halves = gripper.link_poses(opening), [], []
+    for link in gripper.links:
+        for shape in link.shapes if link.collision is not None else ():
+            low, high = np.asarray(shape.mesh.bounds)
+            gripper_from_box = poses[link.name] @ shape.link_from_shape
+            gripper_from_box[:3, 3] += gripper_from_box[:3, :3] @ (low + high) / 2
+            placed.append(gripper_from_box)
+            halves.append((high - low) / 2)
+    gripper_from_boxes, halves = np.stack(placed), np.stack(halves)
+    turns, middles = gripper_from_boxes[:, :3, :3].transpose(0, 2, 1), gripper_from_boxes[:, :3, 3]
+    around = np.einsum("bij,bi->bj", np.abs(turns), halves)
+    places = -np.einsum("bij,bj->bi", turns, middles)
+    turns, places, halves = (np.ascontiguousarray(part, np.float32) for part in (turns, places, halves))
+    return GripperBoxes(turns, places, halves, np.stack([middles - around, middles + around]))
+
+
+def swept(
+    corners: Float[np.ndarray, "2 *b 3"], margin: float, shifts: Float[np.ndarray, "c 3"]
+) -> Float32[np.ndarray, "2 *b 3"]:
+    """Low and high corners of what boxes sweep under these shifts, and a margin around it [m]."""
+    low, high = corners[0] + shifts.min(axis=0) - margin, corners[1] + shifts.max(axis=0) + margin
+    return np.stack([low, high]).astype(np.float32)
+
+
+def points_within(
+    points: Float[np.ndarray, "m 3"],
+    object_from_gripper: Float[np.ndarray, "4 4"],
+    boxes: GripperBoxes,
+    *,
+    margin: float,
+) -> Float32[np.ndarray, "n 3"]:
+    """The points (object frame) that lie within a margin [m] of what holds all boxes at a pose."""
+    local = (points - object_from_gripper[:3, 3]) @ object_from_gripper[:3, :3]
+    low, high = boxes.bounds
+    near = ((low - margin < local) & (local < high + margin)).all(axis=1)
+    return points[near].astype(np.float32)
+
+
+def clearances(
+    points: Float32[np.ndarray, "m 3"],
+    object_from_gripper: Float[np.ndarray, "c 4 4"],
+    boxes: GripperBoxes,
+    *,
+    far: float,
+) -> Float[np.ndarray, "c"]:
+    """Signed distance of the nearest point to an opened gripper at each pose [m]; `far` where none is nearer.
+
+    Args:
+        points: of a surface, object frame [m].
+        far: most that is measured [m].
+    """
+    turns = np.ascontiguousarray(object_from_gripper[:, :3, :3].transpose(0, 2, 1), np.float32)
+    places = np.ascontiguousarray(object_from_gripper[:, :3, 3], np.float32)
+    nearest = np.full(len(turns), far)
+    corners = np.concatenate([boxes.each, boxes.bounds[:, None]], axis=1)
+    corners = np.stack([corners[0] - far, corners[1] + far]).astype(np.float32)
+    _nearest(points, turns, places, (boxes.turns, boxes.places, boxes.halves), corners,
+             nearest)  # fmt: skip
+    return nearest
+
+
+@njit(**COMPILE)
+@no_type_check
+def _nearest(points, turns, places, boxes, corners, nearest):
+    """Lower each pose's entry of `nearest` to the signed distance of the points to the nearest box [m].
+
+    Args:
+        corners: (2, b + 1, 3) of what is near each box, and last of what is near any.
+    """
+    turned, moved, halves = boxes
+    all_of_them, x = len(halves), np.empty(3, np.float32)
+    for c in range(len(turns)):
+        for p in range(len(points)):
+            inside = True
+            for axis in range(3):
+                x[axis] = 0
+                for j in range(3):
+                    x[axis] += turns[c, axis, j] * (points[p, j] - places[c, j])
+                if not corners[0, all_of_them, axis] < x[axis] < corners[1, all_of_them, axis]:
+                    inside = False
+                    break
+            if not inside:
+                continue
+            for b in range(all_of_them):
+                if not (corners[0, b, 0] < x[0] < corners[1, b, 0] and corners[0, b, 1] < x[1] < corners[1, b, 1]
+                        and corners[0, b, 2] < x[2] < corners[1, b, 2]):  # fmt: skip
+                    continue
+                outside, deepest = np.float32(0), np.float32(-np.inf)
+                for axis in range(3):
+                    along = turned[b, axis, 0] * x[0] + turned[b, axis, 1] * x[1] + turned[b, axis, 2] * x[2]
+                    beyond = abs(along + moved[b, axis]) - halves[b, axis]
+                    outside += max(beyond, np.float32(0)) ** 2
+                    deepest = max(deepest, beyond)
+                nearest[c] = min(nearest[c], np.sqrt(outside) + min(deepest, np.float32(0)))
