@@ -37,6 +37,8 @@ class TransferredGrasp:
         camera_from_object: (4, 4) pose of the instance [m].
         gripper: that executes it.
         world_from_camera: (4, 4) where the camera stands [m], or None where it was not given.
+        score_deviation: standard deviation of `score` under another seed: it is a mean over a few draws.
+        up_camera: unit, against gravity, camera frame; None where nothing tells: the object's z axis.
     """
 
     warped: WarpedGrasp
@@ -45,6 +47,8 @@ class TransferredGrasp:
     camera_from_object: Float[np.ndarray, "4 4"]
     gripper: Gripper
     world_from_camera: Float[np.ndarray, "4 4"] | None = None
+    score_deviation: float = 0.0
+    up_camera: Float[np.ndarray, 3] | None = None
 
     @property
     def name(self) -> str:
@@ -85,12 +89,14 @@ class TransferredGrasp:
     def waypoints(self) -> Waypoints:
         """Pre-grasp, grasp and lift of the TCP, in the world where it is known, else in the camera's frame.
 
-        The lift goes up the world's z axis, or, in the camera's frame, up the object's.
+        The lift goes up the world's z axis; in the camera's frame, away from the support plane, or without
+        one, up the object's z axis.
         """
         from grasptransfer.waypoints import waypoints
 
         if self.world_from_camera is None:
-            frame, pose, up = "camera", self.camera_from_gripper, self.camera_from_object[:3, 2]
+            frame, pose = "camera", self.camera_from_gripper
+            up = self.camera_from_object[:3, 2] if self.up_camera is None else self.up_camera
         else:
             frame, pose, up = "world", self.world_from_gripper, np.array([0.0, 0.0, 1.0])
         return waypoints(

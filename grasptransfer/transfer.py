@@ -23,6 +23,7 @@ from grasptransfer.errors import CategoryError, check_seed
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping import (
     Gripper,
+    Physics,
     PlannedGrasps,
     Scene,
     as_scene,
@@ -31,7 +32,7 @@ from grasptransfer.grasping import (
     load_gripper,
     mark_unlikely,
     plan_grasps,
-    rank_grasps,
+    score_grasps,
 )
 from grasptransfer.jobs import single_blas_thread
 from grasptransfer.perception import estimators
@@ -103,6 +104,7 @@ class GraspTransfer:
         world_from_camera=None,
         reachable=None,
         prefer=None,
+        physics: Physics | None = None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`.
@@ -118,7 +120,7 @@ class GraspTransfer:
             pose, pose_sigma = found[0].camera_from_object, found[0].pose_sigma
         observation = observe_all(image, pose, views=views, **seen, depth=depth, pose_sigma=pose_sigma)
         wanted = {"found": found, "reachable": reachable, "prefer": prefer}
-        how = {"scene": scene, "world_from_camera": world_from_camera, "strict": strict}
+        how = {"scene": scene, "world_from_camera": world_from_camera, "physics": physics, "strict": strict}
         return self.answer(observation, **how, **wanted)
 
     def track(self, *, views: str = "moved camera", pose_noise=POSE_NOISE) -> Track:
@@ -143,6 +145,7 @@ class GraspTransfer:
         found: tuple[FoundPose, ...] = (),
         reachable=None,
         prefer=None,
+        physics: Physics | None = None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to what was observed.
@@ -160,7 +163,8 @@ class GraspTransfer:
         clock = time.perf_counter()
         estimate = self.estimator(observation)
         estimated = time.perf_counter()
-        result = self.grasp(observation, estimate, scene=scene, world_from_camera=world_from_camera)
+        stands = {"scene": scene, "world_from_camera": world_from_camera}
+        result = self.grasp(observation, estimate, **stands, physics=physics)
         result = chosen(result, found=found, reachable=reachable, prefer=prefer)
         spent = {"shape": estimated - clock, "grasps": time.perf_counter() - estimated}
         result = replace(result, timings=result.timings | spent | {"total": sum(spent.values())})
@@ -182,24 +186,36 @@ class GraspTransfer:
         *,
         scene: Scene | None = None,
         world_from_camera: Float[np.ndarray, "4 4"] | None = None,
+        physics: Physics | None = None,
     ) -> TransferResult:
         """Warp, refine, check, place and rank the grasps on an estimated shape.
 
         Args:
             scene: obstacles and a support plane, camera frame.
             world_from_camera: where the camera stands [m]; the grasps then have a pose in the world, too.
+            physics: mass, friction and force, and how sure they are.
         """
+        physics = (physics or Physics()).standing(scene, world_from_camera)
         with single_blas_thread():
-            planned = self.plan(estimate, scene=scene)
+            planned = self.plan(estimate, scene=scene, physics=physics)
             start, pose = time.perf_counter(), estimate.camera_from_object
-            chances = rank_grasps(planned.grasps, planned.checks, self.gripper, plausible=planned.plausible)
+            found = score_grasps(planned.grasps, planned.checks, self.gripper, plausible=planned.plausible)
         trust = estimate.trust
-        scores = [trust * chance for chance in chances]
+        scores = [trust * score.chance for score in found]
         checks = mark_unlikely(planned.checks, scores, trust=trust)
         timings = estimate.timings | planned.timings | {"rank": time.perf_counter() - start}
         grasps = [
-            TransferredGrasp(warped, check, score, pose, self.gripper, world_from_camera)
-            for warped, check, score in zip(planned.grasps, checks, scores, strict=True)
+            TransferredGrasp(
+                warped,
+                check,
+                chance,
+                pose,
+                self.gripper,
+                world_from_camera,
+                trust * one.deviation,
+                physics.up,
+            )
+            for warped, check, chance, one in zip(planned.grasps, checks, scores, found, strict=True)
         ]
         return TransferResult(
             grasps=in_order(grasps),
@@ -212,11 +228,10 @@ class GraspTransfer:
             scene=scene,
         )
 
-    def plan(self, estimate: ShapeEstimate, *, scene: Scene | None = None) -> PlannedGrasps:
+    def plan(self, estimate: ShapeEstimate, *, scene=None, physics: Physics | None = None) -> PlannedGrasps:
         """Warp, refine, check and place the grasps on an estimated shape: all but their ranking."""
-        return plan_grasps(
-            self.grasps, estimate, self.category, gripper=self.gripper, scene=scene, seed=self.seed
-        )
+        known = {"scene": scene, "physics": physics, "seed": self.seed}
+        return plan_grasps(self.grasps, estimate, self.category, gripper=self.gripper, **known)
 
 
 def transfer_grasps(
@@ -238,6 +253,7 @@ def transfer_grasps(
     world_from_camera=None,
     reachable: Reachable | None = None,
     prefer: Prefer | None = None,
+    physics: Physics | None = None,
     device: str = "auto",
     precision: str = "auto",
     seed: int = 0,
@@ -274,6 +290,7 @@ def transfer_grasps(
         reachable: callback on `world_from_gripper` (4, 4) [m]: does the robot reach it? Other
             grasps get the status OUT_OF_REACH. It needs `world_from_camera`.
         prefer: the grasp chosen last, or a direction (3,) to come in along (`choice.py`).
+        physics: mass, friction and force, as far as they are known, and how sure they are.
         device: "auto", "cpu", "openvino" or "cuda", of networks (`perception/device.py`).
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
@@ -286,7 +303,7 @@ def transfer_grasps(
     flow = GraspTransfer(category, **made, device=device, precision=precision, seed=seed)
     seen = {"camera": camera, "box": box, "mask": mask, "depth": depth, "scene": scene}
     known = {"pose_sigma": pose_sigma, "views": views, "world_from_camera": world_from_camera}
-    wanted = {"reachable": reachable, "prefer": prefer}
+    wanted = {"reachable": reachable, "prefer": prefer, "physics": physics}
     return flow.transfer(image, pose, **seen, **known, **wanted, strict=strict)
 
 

@@ -35,7 +35,6 @@ def check(grasp, mesh=None, scene=None, gripper=PANDA, camera_from_object=None):
     return check_grasps(on_canonical([grasp]), world, gripper)[0]
 
 
-
 def test_a_box_between_the_pads_is_free_and_its_width_is_measured():
     result = check(grasp_from_above())
     assert result.status is CheckStatus.FREE

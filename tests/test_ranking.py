@@ -7,8 +7,8 @@ import trimesh
 from grasptransfer.category import load_category
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import PlausibleObjects, check_grasps, load_gripper, on_canonical, rank_grasps
-from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.enclosed_volume import enclosed
+from grasptransfer.grasping.grasps import Grasp
 from grasptransfer.grasping.plausible import UnknownErrors
 from grasptransfer.grasping.ranking import grasp_features
 from grasptransfer.grasping.success_model import FEATURES

@@ -9,9 +9,10 @@ from grasptransfer.category.category import (
     load_category,
     objects_folder,
 )
-from grasptransfer.category.settings import CategoryFile, Settings
+from grasptransfer.category.settings import DENSITY, CategoryFile, Settings
 
 __all__ = [
+    "DENSITY",
     "Category",
     "CategoryFile",
     "Settings",

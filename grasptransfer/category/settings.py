@@ -13,6 +13,7 @@ from grasptransfer.files import write_whole
 from grasptransfer.yaml_models import parse
 
 FILE_NAME = "category.yaml"
+DENSITY = 1000.0  # kg/m3, of a category that says none: plastics, and metal with air in it
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # of a category: also a folder, and part of file names
 
 
@@ -98,7 +99,7 @@ class CategoryFile(_Strict):
     frame: Frame = Frame()
     split: Split
     settings: Settings
-    density: float = Field(default=1000.0, ge=1, le=30_000)
+    density: float = Field(default=DENSITY, ge=1, le=30_000)
     measured: dict[str, float | int | str | list[float]] = {}
     checksums: dict[str, str]
     versions: dict[str, str] = {}

@@ -16,11 +16,12 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
+from grasptransfer.grasping.physics import Physics, up_in_camera
 from grasptransfer.grasping.placed_grasp import PlacedGrasp, placed_at
 from grasptransfer.grasping.placement import place_grasps
 from grasptransfer.grasping.planning import PlannedGrasps, plan_grasps
 from grasptransfer.grasping.plausible import PlausibleObjects
-from grasptransfer.grasping.ranking import mark_unlikely, rank_grasps
+from grasptransfer.grasping.ranking import mark_unlikely, rank_grasps, score_grasps
 from grasptransfer.grasping.refine import refine_grasps
 from grasptransfer.grasping.scene import Scene, as_scene, load_scene
 from grasptransfer.grasping.surface import Surface
@@ -34,6 +35,7 @@ __all__ = [
     "GraspCheck",
     "GraspFile",
     "Gripper",
+    "Physics",
     "PlacedGrasp",
     "PlannedGrasps",
     "PlausibleObjects",
@@ -57,5 +59,7 @@ __all__ = [
     "read_grasp_file",
     "refine_grasps",
     "save_grasps",
+    "score_grasps",
+    "up_in_camera",
     "warp_grasps",
 ]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import trimesh
 
 
-MARGIN = 0.002  # m that the gripper keeps from obstacles: a calibrated arm's own error, and some of a camera's
+MARGIN = 0.002  # m kept from obstacles: a calibrated arm's own error, and some of a camera's
 NEAR = 0.01  # m: obstacles farther away are not measured exactly
 STEP = 0.004  # m between checked poses of the approach: less than a third of a finger's thickness
 SWEEP_STEP = 0.010  # m of opening between checks of the closing: each finger moves half of it
@@ -203,7 +203,7 @@ def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, openi
 def _beside_obstacles(
     check: GraspCheck, grasp: WarpedGrasp, world: CollisionWorld, opened: OpenedGripper
 ) -> GraspCheck:
-    """Add the room left beside obstacles, at the grasp and on the way in; refuse what is less than `MARGIN`."""
+    """Add the room beside obstacles, at the grasp and on the way in; refuse less than `MARGIN`."""
     back, distance, room = grasp.object_from_gripper.copy(), 0.0, np.inf
     while True:
         beside = world.beside(back, opened)

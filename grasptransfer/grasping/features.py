@@ -168,8 +168,8 @@ def _near(points, around, turn, shift, corners, every):
     """Points (3, m, s) turned and shifted back that then lie between two corners, and their numbers.
 
     Args:
-        around: middle (3, m) of all draws of each place, and how far the farthest is from it (m,): most places
-            are left out by them.
+        around: middle (3, m) of all draws of each place, and how far the farthest is from it (m,): most
+            places are left out by them.
         every: 1: all places; 2: every other one.
     """
     middle, spread = around

@@ -1,4 +1,4 @@
-"""Every part of an opened gripper as a box, and how far points are from them: compiled, many poses at once."""
+"""Every part of an opened gripper as a box, and how far points are from them, many poses at once."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -120,8 +120,10 @@ def _nearest(points, turns, places, boxes, corners, nearest):
             if not inside:
                 continue
             for b in range(all_of_them):
-                if not (corners[0, b, 0] < x[0] < corners[1, b, 0] and corners[0, b, 1] < x[1] < corners[1, b, 1]
-                        and corners[0, b, 2] < x[2] < corners[1, b, 2]):  # fmt: skip
+                inside = True
+                for axis in range(3):
+                    inside &= corners[0, b, axis] < x[axis] < corners[1, b, axis]
+                if not inside:
                     continue
                 outside, deepest = np.float32(0), np.float32(-np.inf)
                 for axis in range(3):

@@ -5,15 +5,16 @@ divided by the factor and the number times the factor (one standard deviation on
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import SettingsError
+from grasptransfer.grasping.scene import Scene
 
 Uncertain = float | tuple[float, float]
 
-DENSITY = 1000.0  # kg/m3 of solid, of a category that says none: plastics, and metal with air in it
 MASS_FACTOR = 1.3  # of a mass that is only known as volume times density
 # Rubber on glass, glaze or plastic, dry, as in the simulation protocols; a protocol's perturbed trials err
 # by a fifth of it.
@@ -36,9 +37,9 @@ class Physics:
         SettingsError: a number that is none, or out of its bounds.
     """
 
-    mass: Uncertain | None = None
-    friction: Uncertain | None = None
-    force: Uncertain | None = None
+    mass: Any = None
+    friction: Any = None
+    force: Any = None
 
     def __post_init__(self):
         for key in BOUNDS:
@@ -65,6 +66,22 @@ class Physics:
         force, weaker = _pair(FORCE if self.force is None else self.force)
         by = np.array([factor, slippery, weaker]) ** normal
         return mass * by[:, 0], friction * by[:, 1], force * by[:, 2]
+
+
+def up_in_camera(
+    scene: Scene | None, world_from_camera: Float[np.ndarray, "4 4"] | None
+) -> Float[np.ndarray, "3"] | None:
+    """Against gravity, camera frame: the world's z, else the plane's normal; None where neither is known.
+
+    Args:
+        scene: obstacles and a support plane, camera frame.
+        world_from_camera: where the camera stands [m].
+    """
+    if world_from_camera is not None:
+        return world_from_camera[2, :3]
+    if scene is None or scene.support_plane is None:
+        return None
+    return scene.support_plane[1]
 
 
 def _pair(given: Uncertain) -> tuple[float, float]:

@@ -2,10 +2,10 @@
 
 Refinement knows one shape, the reconstruction. Some millimetres nearer to the centre of mass, or with more
 room before the palm, a grasp forgives more of what the reconstruction has wrong, and so it does with the
-opening that leaves most room on both sides of each finger. Each grasp is tried with a few openings, then at the
-places of a small pattern, deeper or less deep and along the pads; their expected success is that of the
-ranking. The grasp goes to the mean of them, each weighted by exp(expected success / temperature). The best one
-would jump from place to place under noise that nobody sees; this mean moves as little as what it is made of.
+opening that leaves most room on both sides of each finger. Each grasp is tried with a few openings, then at
+the places of a small pattern, deeper or less deep and along the pads; their expected success is that of the
+ranking. The grasp goes to the mean of them, each weighted by exp(expected success / temperature). The best
+one would jump from place to place under noise that nobody sees; this mean moves as little as its weights do.
 """
 
 from collections.abc import Sequence
@@ -161,9 +161,7 @@ class _Search:
         weights = np.exp((value - value.max()) / self.settings.temperature)
         return weights / weights.sum()
 
-    def _between_pads(
-        self, shifts: Float[np.ndarray, "g c 3"]
-    ) -> tuple[Closing, Float[np.ndarray, "g c 3"]]:
+    def _between_pads(self, shifts: Float[np.ndarray, "g c 3"]) -> tuple[Closing, Float[np.ndarray, "g c 3"]]:
         """How each grasp closes after each shift, and the shifts with the object between the pads again."""
         count = shifts.shape[1]
         poses = np.repeat(self.poses, count, axis=0)

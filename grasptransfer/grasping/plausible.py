@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Float32
 
+from grasptransfer.category import DENSITY
 from grasptransfer.grasping.draws import paired_draws
 from grasptransfer.grasping.enclosed_volume import enclosed, volume_and_centre
-from grasptransfer.grasping.physics import DENSITY, Physics
+from grasptransfer.grasping.physics import Physics
 from grasptransfer.grasping.surface_places import SURFACE_POINTS, SurfacePlaces
 
 if TYPE_CHECKING:

@@ -7,16 +7,44 @@ their product over the draws. One model of everything would let a firm grip make
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck
 from grasptransfer.grasping.features import features_around
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.plausible import PlausibleObjects
-from grasptransfer.grasping.success_model import FEATURES, Features, Ranking, expected_success
+from grasptransfer.grasping.success_model import FEATURES, Features, Ranking, chances
 from grasptransfer.grasping.warping import WarpedGrasp
+
+
+@dataclass(frozen=True)
+class Score:
+    """How likely a grasp is to hold.
+
+    Args:
+        chance: expected success in [0, 1]; 0 for a grasp that failed its check.
+        deviation: standard deviation of `chance` under other draws: it is a mean over a few of them.
+    """
+
+    chance: float
+    deviation: float
+
+    @staticmethod
+    def over(each: Float[np.ndarray, "s"]) -> "Score":
+        """Of the chances in each draw, in the order in which `draws.paired_draws` gives them.
+
+        The draws are stratified, so their spread about their mean says too much: successive differences leave
+        out what the strata explain (von Neumann, Kent, Bellinson and Hart, "The mean square successive
+        difference", 1941).
+        """
+        pairs = each[: len(each) // 2 * 2].reshape(2, -1).mean(axis=0)
+        if len(pairs) < 2:
+            return Score(float(each.mean()), 0.0)
+        variance = np.square(np.diff(pairs)).mean() / 2
+        return Score(float(each.mean()), float(np.sqrt(variance / len(pairs))))
 
 
 def rank_grasps(
@@ -34,10 +62,23 @@ def rank_grasps(
         checks: their checks.
         plausible: objects that the picture leaves possible; the same ones for all grasps.
     """
+    found = score_grasps(grasps, checks, gripper, plausible=plausible, settings=settings)
+    return tuple(score.chance for score in found)
+
+
+def score_grasps(
+    grasps: Sequence[WarpedGrasp],
+    checks: Sequence[GraspCheck],
+    gripper: Gripper,
+    *,
+    plausible: PlausibleObjects,
+    settings: Ranking | None = None,
+) -> tuple[Score, ...]:
+    """Expected success of each grasp, and how sure it is; arguments as of `rank_grasps`."""
     weights = (settings or Ranking.fitted()).weights
     features = grasp_features(grasps, checks, gripper, plausible=plausible)
     return tuple(
-        float(expected_success(each, weights)) if check.usable else 0.0
+        Score.over(chances(each, weights)) if check.usable else Score(0.0, 0.0)
         for each, check in zip(features, checks, strict=True)
     )
 

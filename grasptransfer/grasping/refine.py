@@ -5,8 +5,8 @@ the TCP, all grasps at once. The cost of a pose asks for contact on both pads, n
 contacts in the middle of the pads, room around the opened gripper, and nearness to the annotated intention.
 Each round moves a grasp by the mean of the sampled motions, each weighted by exp(-cost / temperature), as
 far along it as the same weights say (path integral control; Theodorou, Buchli and Schaal, 2010). The
-cheapest sample would jump under noise that nobody sees; the mean moves as little as its weights do. Motions come
-in pairs, and are the same for every grasp and every call: a grasp refines alone as it does among others.
+cheapest sample would jump under noise that nobody sees; the mean moves as little as its weights do. Motions
+come in pairs, and are the same for every grasp and every call: a grasp refines alone as it does among others.
 
 Where the pose found still collides, with an obstacle of the scene or on its way in, the cheapest sampled pose
 that is free is taken.
@@ -143,9 +143,11 @@ class _Search:
 
     def run(self) -> list[WarpedGrasp]:
         """Search, then read widths and contacts off the surface."""
-        self._align()
-        for round_ in range(self.settings.rounds):
-            self._round(0.5**round_, first=round_ == 0)
+        scales = 0.5 ** np.arange(self.settings.rounds)
+        self._align(1.0)
+        for scale in scales:
+            self._round(scale)
+        self._align(scales[-1])
         self.best = self._centred(self.best[:, None])[1][:, 0]
         self._free()
         closing = self._close(self.best[:, None])
@@ -173,18 +175,20 @@ class _Search:
                 return
             self.openings[inside] = np.minimum(self.openings[inside] + 0.01, self.gripper.max_width)
 
-    def _align(self) -> None:
-        """Take as another start the pose turned so that the pads meet the surface flat."""
+    def _align(self, scale: float) -> None:
+        """Turn the pads so that they meet the surface flat, as far as that pays."""
         closing = self._close(self.best[:, None])
         axis = closing.normals[:, 1] - closing.normals[:, 0]
         length = np.linalg.norm(axis, axis=1)
         usable = closing.touching.all(axis=1) & (length > 0.5)
         axis = np.where(usable[:, None], axis / np.where(usable, length, 1)[:, None], self.best[:, :3, 0])
         turn = np.cross(self.best[:, :3, 0], axis)
-        self._advance(np.concatenate([np.zeros_like(turn), turn], axis=1)[:, None], self.settings.temperature)
+        turn = np.einsum("gji,gj->gi", self.best[:, :3, :3], turn)  # about the gripper's own axes
+        motions = np.concatenate([np.zeros_like(turn), turn], axis=1)[:, None]
+        self._advance(motions, scale * self.settings.temperature)
 
-    def _round(self, scale: float, *, first: bool) -> None:
-        motions = np.concatenate([_FIXED if first else _FIXED[:1], scale * self.motions])
+    def _round(self, scale: float) -> None:
+        motions = np.concatenate([_FIXED if scale == 1 else _FIXED[:1], scale * self.motions])
         self._advance(np.tile(motions, (len(self.best), 1, 1)), scale * self.settings.temperature)
 
     def _advance(self, motions: Float[np.ndarray, "g c 6"], temperature: float) -> None:

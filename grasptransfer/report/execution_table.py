@@ -33,6 +33,10 @@ class SimulationSettings:
         scale: metres in one unit of the mesh; default: what the grasp file says, else 1.
         engine: pybullet or mujoco; default: PyBullet where it is installed.
         trials: perturbed trials of each grasp; 1 executes it exactly.
+        mass: of the object [kg]; default: volume times density.
+        density: of the object [kg/m3]; default: the protocol's.
+        friction: of pad on object; default: the protocol's.
+        force: of each pad [N], at most the gripper's limit; default: the protocol's.
         results: JSON lines that an interrupted run resumes from.
         movies: folder for a GIF of each trial; finished trials run again for it.
 
@@ -48,6 +52,10 @@ class SimulationSettings:
     protocol: Protocol = "lift-shake-v1"
     engine: str | None = None
     trials: int = 1
+    mass: float | None = None
+    density: float | None = None
+    friction: float | None = None
+    force: float | None = None
     workers: Workers = 1
     results: Path | None = None
     movies: Path | None = None
@@ -80,6 +88,10 @@ def run_simulation(settings: SimulationSettings) -> "Sequence[TrialResult]":
         protocol=settings.protocol,
         engine=settings.engine,
         trials=settings.trials,
+        mass=settings.mass,
+        density=settings.density,
+        friction=settings.friction,
+        force=settings.force,
         workers=settings.workers,
         results_path=settings.results,
         seed=settings.seed,

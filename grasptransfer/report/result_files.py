@@ -147,6 +147,7 @@ def _grasp_data(grasp: "TransferredGrasp") -> dict:
         "usable": grasp.usable,
         "reason": grasp.reason,
         "score": round(float(grasp.score), 4),
+        "score_deviation": round(float(grasp.score_deviation), 4),
         "width": round(float(grasp.width), 5),
         "opening": round(float(grasp.opening), 5),
         "approach_distance": round(float(grasp.approach_distance), 5),

@@ -115,7 +115,15 @@ def execute_best(
     if not placed:
         return ()
     return tuple(
-        simulate(placed, mesh, result.gripper, protocol=PROTOCOL, seed=seed, frames=FRAMES_PER_SECOND)
+        simulate(
+            placed,
+            mesh,
+            result.gripper,
+            protocol=PROTOCOL,
+            density=result.category.density,
+            seed=seed,
+            frames=FRAMES_PER_SECOND,
+        )
     )
 
 

@@ -11,7 +11,7 @@ from PIL import Image
 from tyro.conf import Positional, arg
 
 from grasptransfer.errors import ImageError, SettingsError
-from grasptransfer.grasping import load_scene
+from grasptransfer.grasping import Physics, load_scene
 from grasptransfer.meshes import load_mesh
 from grasptransfer.options import Device, EstimatorName, Precision, RefinePose, Seed, check_counts
 from grasptransfer.perception.estimators import EstimatorSettings
@@ -46,6 +46,10 @@ class TransferSettings:
         execute: true mesh of the instance [m], standing at the given pose; the grasps are executed on it.
         pose_sigma: how sure the pose is: 0, exact; or standard deviations in metres and degrees; without it,
             the pose file's pose_sigma counts, or else the errors of real pose estimators.
+        mass: of the object [kg], and a factor by which it may be larger or smaller; default: volume times the
+            category's density.
+        friction: of pad on object, and such a factor; default: 0.8 1.2.
+        force: of each pad [N], and such a factor; default: 40, or the gripper's limit.
         depth: 16-bit picture in millimetres, 0 = missing, for the estimators that use depth; of several
             pictures one each.
         views: how the poses of several pictures go together. "moved camera": the camera moved about a
@@ -69,6 +73,9 @@ class TransferSettings:
     box: tuple[float, ...] = ()
     execute: Path | None = None
     pose_sigma: tuple[float, ...] | None = None
+    mass: tuple[float, ...] | None = None
+    friction: tuple[float, ...] | None = None
+    force: tuple[float, ...] | None = None
     refine_pose: RefinePose = True
     estimator: EstimatorName = "rgb"
     depth: tuple[Path, ...] = ()
@@ -135,6 +142,7 @@ def read_inputs(settings: TransferSettings) -> TransferInputs:
     pictures = [_read_picture(settings, number) for number in range(count)]
     others = {
         "views": settings.views,
+        "physics": Physics(settings.mass, settings.friction, settings.force),
         "scene": None if settings.scene is None else load_scene(settings.scene),
     }
     if 0 < len(settings.pose) < count and len({one["pose"].tobytes() for one in pictures}) == 1:

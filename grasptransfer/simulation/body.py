@@ -37,14 +37,23 @@ class Body:
     principal_axes: Float[np.ndarray, "3 3"]
 
 
-def body_of(mesh: "trimesh.Trimesh | trimesh.Scene", protocol: Protocol) -> Body:
-    """The body of `mesh` (object frame, metres), with the protocol's density.
+def body_of(
+    mesh: "trimesh.Trimesh | trimesh.Scene", protocol: Protocol, *, density: float | None = None
+) -> Body:
+    """The body of `mesh` (object frame, metres).
+
+    Args:
+        density: kg/m3; None: the protocol's, and the mass within its limits.
 
     Raises:
         MeshError: the mesh is no solid in metres.
     """
     solid = decompose(mesh)
-    mass = float(np.clip(protocol.density * solid.volume, *protocol.mass_limits))
+    lightest, heaviest = protocol.mass_limits
+    if density is None:
+        mass = float(np.clip(protocol.density * solid.volume, lightest, heaviest))
+    else:
+        mass = max(density * solid.volume, lightest)
     moments, axes = np.linalg.eigh(solid.inertia * (mass / solid.volume))
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1

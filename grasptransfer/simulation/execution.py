@@ -32,6 +32,7 @@ BOUNDS = {
     "frames": (0.1, 240),  # per second
     "friction": (0, 5),
     "mass": (1e-3, 100),  # kg
+    "density": (1, 30_000),  # kg/m3
     "force": (0.1, 10_000),  # N
     "trial_limit": (0.1, 86_400),  # s
 }
@@ -48,6 +49,7 @@ def simulate(
     perturb: Perturbation | None = None,
     friction: float | None = None,
     mass: float | None = None,
+    density: float | None = None,
     force: float | None = None,
     seed: int = 0,
     workers: int = 1,
@@ -73,7 +75,8 @@ def simulate(
             perturbed.
         perturb: errors added to every trial; None takes the protocol's if there are several trials.
         friction: friction of pad on object; None takes the protocol's.
-        mass: mass of the object [kg]; None takes volume times the protocol's density, within its limits.
+        mass: mass of the object [kg]; None takes volume times density.
+        density: density of the object, kg/m3 of its solid; None takes the protocol's, and its limits of mass.
         force: force of each pad [N], at most the gripper's own limit; None takes the protocol's.
         seed: seed of the perturbations.
         workers: processes; one means this process.
@@ -92,14 +95,17 @@ def simulate(
     chosen, engine = load_protocol(protocol), choose_engine(engine)
     check_seed(seed)
     _check_numbers(trials=trials, workers=workers, frames=frames, friction=friction)
-    _check_numbers(mass=mass, force=force, trial_limit=trial_limit)
+    _check_numbers(mass=mass, density=density, force=force, trial_limit=trial_limit)
+    if mass is not None and density is not None:
+        raise SettingsError("is given beside mass", key="density", value=density, fix="Give one of them")
     if perturb is not None:
         check_perturbation(perturb)
     if len(grasps) == 0:
         return []
     gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
     hand = hand_of(gripper)
-    setup = Setup(body_of(mesh, chosen), hand, chosen, engine)
+    body = body_of(mesh, chosen, density=density)
+    setup = Setup(body, hand, chosen, engine)
     conditions = Conditions(
         friction=chosen.friction if friction is None else float(friction),
         mass=setup.body.mass if mass is None else float(mass),

@@ -200,7 +200,15 @@ def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list
     usable = rng.permutation(usable)[:MOST_GRASPS]  # Many members of a symmetry family are alike.
     chosen = [planned.grasps[i] for i in usable]
     placed = as_executed(chosen, estimated_pose=estimate.camera_from_object, true_pose=pose)
-    trials = simulate(placed, instance.solid, flow.gripper, protocol=settings.protocol, seed=settings.seed)
+    density = instance.category.density  # which the scores assume, too
+    trials = simulate(
+        placed,
+        instance.solid,
+        flow.gripper,
+        protocol=settings.protocol,
+        density=density,
+        seed=settings.seed,
+    )
     return [
         Executed(features[i], trial.status.name == "HELD") for i, trial in zip(usable, trials, strict=True)
     ]

@@ -201,7 +201,8 @@ def execute(
     """
     grasps = best_of_each_family(result.grasps)
     placed = as_executed(grasps, estimated_pose=result.camera_from_object, true_pose=true_pose)
-    trials = simulate(placed, solid, result.gripper, protocol=protocol, seed=seed)
+    density = result.category.density  # which the scores assume, too
+    trials = simulate(placed, solid, result.gripper, protocol=protocol, density=density, seed=seed)
     reasons = [trial.status.name for trial in trials]
     return Outcome(grasps, [reason == "HELD" for reason in reasons], reasons)
 

@@ -133,6 +133,7 @@ def _write(
     content = CategoryContent(
         name=settings.name,
         description=settings.description,
+        density=settings.density,
         split=Split(canonical=learnt.canonical, train=train, test=test),
         settings=_settings(learnt, settings, len(train)),
         measured=_measured(learnt),

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from tyro.conf import Positional, arg
 
-from grasptransfer.category.settings import NAME
+from grasptransfer.category.settings import DENSITY, NAME
 from grasptransfer.errors import CategoryError, SettingsError
 from grasptransfer.options import Workers, check_counts
 from grasptransfer.registration import Metric
@@ -42,6 +42,7 @@ class BuildSettings:
         metric: scalar product of the principal components: GW, G or W.
         control_points: approximate number of control points.
         description: description of the category, for people.
+        density: what an instance is made of, kg/m3 of the solid that its mesh encloses.
         overwrite: replace an existing folder, keeping its grasps.
 
     Raises:
@@ -65,6 +66,7 @@ class BuildSettings:
     metric: Metric = "GW"
     control_points: int = 650
     description: str = ""
+    density: float = DENSITY
     workers: Workers = 2
     overwrite: bool = False
 
@@ -77,6 +79,8 @@ class BuildSettings:
         check_counts(self, "control_points", least=50)
         if self.modes is not None:
             check_counts(self, "modes")
+        if not 1 <= self.density <= 30_000:
+            raise SettingsError("must be from 1 to 30000 kg/m3", key="density", value=self.density)
         for key in ("scale", "beta", "lam"):
             value = getattr(self, key)
             if value is not None and not (np.isfinite(value) and value > 0):

@@ -19,7 +19,7 @@ from grasptransfer.category.category import (
     load_category,
     load_scene,
 )
-from grasptransfer.category.settings import CategoryFile, Settings, Split, software_versions
+from grasptransfer.category.settings import DENSITY, CategoryFile, Settings, Split, software_versions
 from grasptransfer.drawing.contact_sheet import portrait
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.drawing.sheet import encoded, sheet
@@ -46,6 +46,7 @@ class CategoryContent:
         instance_glbs: likewise, by the instance's name.
         shape_space: shape space of the train instances.
         weights: (n, 3) of each instance's field, normalised units, by name.
+        density: of what an instance is made of, kg/m3 of the solid that its mesh encloses.
     """
 
     name: str
@@ -57,6 +58,7 @@ class CategoryContent:
     instance_glbs: dict[str, bytes]
     shape_space: ShapeSpace
     weights: dict[str, Float[np.ndarray, "n 3"]]
+    density: float = DENSITY
 
 
 def write_category(folder: Path, content: CategoryContent) -> Category:
@@ -72,6 +74,7 @@ def write_category(folder: Path, content: CategoryContent) -> Category:
         CategoryFile(
             name=content.name,
             description=content.description,
+            density=content.density,
             split=content.split,
             settings=content.settings,
             measured=content.measured,

@@ -33,12 +33,14 @@ class Recipe(Strict):
 
     Args:
         description: description of the category, one line for people.
+        density: of what an instance is made of, kg/m3 of the solid that its mesh encloses.
         train, test: seeds of the shipped instances, picked by eye; test spans the extremes and the typical.
         ranges: lowest and highest value of each parameter, drawn uniformly in this order.
         families: by name; their shares make one.
     """
 
     description: str
+    density: float = Field(ge=1, le=30_000)
     train: tuple[int, ...] = Field(min_length=1)
     test: tuple[int, ...] = Field(min_length=1)
     ranges: Ranges

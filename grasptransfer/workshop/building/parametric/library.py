@@ -75,6 +75,7 @@ def build_shipped_category(
     content = CategoryContent(
         name=name,
         description=curated.description,
+        density=curated.density,
         split=Split(canonical="canonical", train=tuple(train), test=tuple(test)),
         settings=_settings(choice, surface, len(learnt)),
         measured={**choice.measured, **_of_cpd(best)},
