@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from grasptransfer.category import list_categories as list_categories
     from grasptransfer.category import load_category as load_category
     from grasptransfer.errors import GraspTransferError as GraspTransferError
+    from grasptransfer.grasping import Physics as Physics
     from grasptransfer.grasping import Scene as Scene
     from grasptransfer.grasping import list_grippers as list_grippers
     from grasptransfer.grasping import load_gripper as load_gripper
@@ -36,6 +37,7 @@ _HOMES = {
     "FoundPose": "perception.pose_search",
     "GraspTransfer": "transfer",
     "GraspTransferError": "errors",
+    "Physics": "grasping",
     "Scene": "grasping",
     "TransferResult": "result",
     "find_pose": "perception.pose_search",

@@ -9,6 +9,7 @@ Frames: `object` is the seen instance in its category's axes, `gripper` the TCP 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -19,13 +20,14 @@ from jaxtyping import Float
 
 from grasptransfer.category import Category, load_category
 from grasptransfer.choice import Prefer, Reachable, chosen, in_order, raise_unless_succeeded
-from grasptransfer.errors import CategoryError, check_seed
+from grasptransfer.errors import check_seed
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping import (
     Gripper,
     Physics,
     PlannedGrasps,
     Scene,
+    as_physics,
     as_scene,
     expand_symmetry,
     load_grasps,
@@ -82,7 +84,7 @@ class GraspTransfer:
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
         self.grasps = expand_symmetry(
-            load_grasps(_grasp_file(self.category) if grasps is None else grasps, category=self.category)
+            load_grasps(self.category.annotated_path() if grasps is None else grasps, category=self.category)
         )
         self._named = estimator
         settings = EstimatorSettings(refine_pose, device, precision)
@@ -104,7 +106,7 @@ class GraspTransfer:
         world_from_camera=None,
         reachable=None,
         prefer=None,
-        physics: Physics | None = None,
+        physics=None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`.
@@ -145,7 +147,7 @@ class GraspTransfer:
         found: tuple[FoundPose, ...] = (),
         reachable=None,
         prefer=None,
-        physics: Physics | None = None,
+        physics=None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to what was observed.
@@ -186,16 +188,14 @@ class GraspTransfer:
         *,
         scene: Scene | None = None,
         world_from_camera: Float[np.ndarray, "4 4"] | None = None,
-        physics: Physics | None = None,
+        physics=None,
     ) -> TransferResult:
         """Warp, refine, check, place and rank the grasps on an estimated shape.
 
         Args:
-            scene: obstacles and a support plane, camera frame.
-            world_from_camera: where the camera stands [m]; the grasps then have a pose in the world, too.
-            physics: mass, friction and force, and how sure they are.
+            scene, world_from_camera, physics: as of `transfer_grasps`.
         """
-        physics = (physics or Physics()).standing(scene, world_from_camera)
+        physics = as_physics(physics).standing(scene, world_from_camera)
         with single_blas_thread():
             planned = self.plan(estimate, scene=scene, physics=physics)
             start, pose = time.perf_counter(), estimate.camera_from_object
@@ -204,18 +204,10 @@ class GraspTransfer:
         scores = [trust * score.chance for score in found]
         checks = mark_unlikely(planned.checks, scores, trust=trust)
         timings = estimate.timings | planned.timings | {"rank": time.perf_counter() - start}
+        seen = pose, self.gripper, world_from_camera
         grasps = [
-            TransferredGrasp(
-                warped,
-                check,
-                chance,
-                pose,
-                self.gripper,
-                world_from_camera,
-                trust * one.deviation,
-                physics.up,
-            )
-            for warped, check, chance, one in zip(planned.grasps, checks, scores, found, strict=True)
+            TransferredGrasp(warped, check, trust * one.chance, *seen, trust * one.deviation, physics.up)
+            for warped, check, one in zip(planned.grasps, checks, found, strict=True)
         ]
         return TransferResult(
             grasps=in_order(grasps),
@@ -253,7 +245,7 @@ def transfer_grasps(
     world_from_camera=None,
     reachable: Reachable | None = None,
     prefer: Prefer | None = None,
-    physics: Physics | None = None,
+    physics: Physics | Mapping | None = None,
     device: str = "auto",
     precision: str = "auto",
     seed: int = 0,
@@ -290,7 +282,7 @@ def transfer_grasps(
         reachable: callback on `world_from_gripper` (4, 4) [m]: does the robot reach it? Other
             grasps get the status OUT_OF_REACH. It needs `world_from_camera`.
         prefer: the grasp chosen last, or a direction (3,) to come in along (`choice.py`).
-        physics: mass, friction and force, as far as they are known, and how sure they are.
+        physics: mass, friction, force and up, as far as known: `Physics`, or a mapping of its fields.
         device: "auto", "cpu", "openvino" or "cuda", of networks (`perception/device.py`).
         precision: "auto", "float32" or "bfloat16", of networks (`perception/precision.py`).
         seed: of the samples that rank the grasps.
@@ -305,13 +297,3 @@ def transfer_grasps(
     known = {"pose_sigma": pose_sigma, "views": views, "world_from_camera": world_from_camera}
     wanted = {"reachable": reachable, "prefer": prefer, "physics": physics}
     return flow.transfer(image, pose, **seen, **known, **wanted, strict=strict)
-
-
-def _grasp_file(category: Category) -> Path:
-    if not category.grasps_path.is_file():
-        raise CategoryError(
-            "has no annotated grasps",
-            path=category.grasps_path,
-            fix=f"Annotate some: grasptransfer annotate {category.name}",
-        )
-    return category.grasps_path

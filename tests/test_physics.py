@@ -11,11 +11,11 @@ from grasptransfer.grasping import (
     Physics,
     PlausibleObjects,
     Scene,
+    as_physics,
     check_grasps,
     load_gripper,
     on_canonical,
     rank_grasps,
-    up_in_camera,
 )
 from grasptransfer.grasping.grasp import Grasp
 
@@ -79,12 +79,24 @@ def test_numbers_that_make_no_sense_are_refused(key, value):
         Physics(**{key: value})
 
 
+def test_an_argument_may_be_a_mapping_and_every_mistake_in_it_is_named():
+    assert as_physics(None) == Physics()
+    assert as_physics({"mass": 0.3, "force": [20, 1.2]}) == Physics(mass=0.3, force=(20.0, 1.2))
+    for wrong, words in ((0.3, "mapping"), ({"weight": 0.3}, "weight.*mass"), ({"mass": -1}, "mass")):
+        with pytest.raises(SettingsError, match=words):
+            as_physics(wrong)
+
+
 def test_up_is_the_worlds_else_the_planes():
     plane = Scene(support_plane=(np.zeros(3), np.array([0.0, -2.0, 0.0])))
-    np.testing.assert_allclose(up_in_camera(plane, None), [0, -1, 0])
-    np.testing.assert_allclose(up_in_camera(plane, FROM_ABOVE), [0, 0, -1])
-    assert up_in_camera(None, None) is None
-    assert up_in_camera(Scene(), None) is None
+    np.testing.assert_allclose(Physics().standing(plane).up, [0, -1, 0])
+    np.testing.assert_allclose(Physics().standing(plane, FROM_ABOVE).up, [0, 0, -1])
+    assert Physics().standing(None).up is None
+    assert Physics().standing(Scene()).up is None
+    np.testing.assert_allclose(Physics(up=[0, 0, 2]).standing(plane).up, [0, 0, 1])
+    for wrong in ([0, 0, 0], [1, 2], "up", [np.nan, 0, 1]):
+        with pytest.raises(SettingsError, match="up"):
+            Physics(up=wrong)
 
 
 def test_a_weight_turns_an_object_most_across_gravity():

@@ -73,6 +73,17 @@ class Category:
         """Where the annotated grasps are, or would be."""
         return self.folder / GRASPS
 
+    def annotated_path(self) -> Path:
+        """Where the annotated grasps are.
+
+        Raises:
+            CategoryError: nobody has annotated any.
+        """
+        if not self.grasps_path.is_file():
+            fix = f"Annotate some: grasptransfer annotate {self.name}"
+            raise CategoryError("has no annotated grasps", path=self.grasps_path, fix=fix)
+        return self.grasps_path
+
     @cached_property
     def canonical(self) -> "trimesh.Trimesh":
         """The canonical model as one textured mesh [m]. Copy it before changing it."""

@@ -16,7 +16,7 @@ from grasptransfer.grasping.grasps import (
     save_grasps,
 )
 from grasptransfer.grasping.gripper import Gripper, list_grippers, load_gripper
-from grasptransfer.grasping.physics import Physics, up_in_camera
+from grasptransfer.grasping.physics import Physics, as_physics
 from grasptransfer.grasping.placed_grasp import PlacedGrasp, placed_at
 from grasptransfer.grasping.placement import place_grasps
 from grasptransfer.grasping.planning import PlannedGrasps, plan_grasps
@@ -43,6 +43,7 @@ __all__ = [
     "Surface",
     "Symmetry",
     "WarpedGrasp",
+    "as_physics",
     "as_scene",
     "check_grasps",
     "expand_symmetry",
@@ -60,6 +61,5 @@ __all__ = [
     "refine_grasps",
     "save_grasps",
     "score_grasps",
-    "up_in_camera",
     "warp_grasps",
 ]

@@ -4,7 +4,8 @@ Each is a number, taken as exact, or a number and a factor: the true value is li
 divided by the factor and the number times the factor (one standard deviation on a logarithmic scale).
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,8 @@ class Physics:
         mass: of the object [kg]; None: the volume of its reconstruction times its category's density.
         friction: Coulomb coefficient between pad and object.
         force: of each pad [N]; None: 40 N, or the gripper's limit where that is less.
+        up: against gravity, camera frame; None: the world's z axis, the support plane's normal, or the
+            object's z axis, the first that is known.
 
     Raises:
         SettingsError: a number that is none, or out of its bounds.
@@ -40,12 +43,31 @@ class Physics:
     mass: Any = None
     friction: Any = None
     force: Any = None
+    up: Any = None
 
     def __post_init__(self):
         for key in BOUNDS:
             given = getattr(self, key)
             if given is not None:
                 object.__setattr__(self, key, _checked(key, given))
+        if self.up is not None:
+            object.__setattr__(self, "up", _direction(self.up))
+
+    def standing(
+        self, scene: Scene | None, world_from_camera: Float[np.ndarray, "4 4"] | None = None
+    ) -> "Physics":
+        """The same, and up where it is known and not said.
+
+        Args:
+            scene: obstacles and a support plane, camera frame.
+            world_from_camera: where the camera stands [m].
+        """
+        if self.up is not None:
+            return self
+        if world_from_camera is not None:
+            return replace(self, up=world_from_camera[2, :3])
+        plane = None if scene is None else scene.support_plane
+        return self if plane is None else replace(self, up=plane[1])
 
     def held_by(self, force_limit: float) -> "Physics":
         """The same with a force that a gripper of this limit [N] can give."""
@@ -68,20 +90,21 @@ class Physics:
         return mass * by[:, 0], friction * by[:, 1], force * by[:, 2]
 
 
-def up_in_camera(
-    scene: Scene | None, world_from_camera: Float[np.ndarray, "4 4"] | None
-) -> Float[np.ndarray, "3"] | None:
-    """Against gravity, camera frame: the world's z, else the plane's normal; None where neither is known.
+def as_physics(given: object) -> Physics:
+    """What an argument says: a `Physics`, a mapping of its fields, or None where nothing is known.
 
-    Args:
-        scene: obstacles and a support plane, camera frame.
-        world_from_camera: where the camera stands [m].
+    Raises:
+        SettingsError: none of these, or something in it is wrong.
     """
-    if world_from_camera is not None:
-        return world_from_camera[2, :3]
-    if scene is None or scene.support_plane is None:
-        return None
-    return scene.support_plane[1]
+    if given is None or isinstance(given, Physics):
+        return given or Physics()
+    choices = [field.name for field in fields(Physics)]
+    if not isinstance(given, Mapping):
+        raise SettingsError("must be a Physics or a mapping", key="physics", value=given, choices=choices)
+    for key in given:
+        if key not in choices:
+            raise SettingsError("is unknown", key=f"physics.{key}", value=given[key], choices=choices)
+    return Physics(**given)
 
 
 def _pair(given: Uncertain) -> tuple[float, float]:
@@ -103,3 +126,13 @@ def _checked(key: str, given: object) -> Uncertain:
             value=given,
         )
     return float(values[0]) if len(values) == 1 else (float(values[0]), float(values[1]))
+
+
+def _direction(given: object) -> Float[np.ndarray, "3"]:
+    try:
+        up = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        up = np.zeros(0)
+    if up.shape != (3,) or not np.isfinite(up).all() or np.linalg.norm(up) < 1e-9:
+        raise SettingsError("must be a direction, three numbers that are not all 0", key="up", value=given)
+    return up / np.linalg.norm(up)

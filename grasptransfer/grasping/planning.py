@@ -7,9 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from jaxtyping import Float
-
 from grasptransfer.grasping.collision import GraspCheck, check_grasps
 from grasptransfer.grasping.physics import Physics
 from grasptransfer.grasping.placement import place_grasps
@@ -56,7 +53,6 @@ def plan_grasps(
     gripper: Gripper,
     scene: Scene | None = None,
     physics: Physics | None = None,
-    up_camera: Float[np.ndarray, 3] | None = None,
     seed: int = 0,
 ) -> PlannedGrasps:
     """Warp, refine, check and place the grasps on an estimated shape: all but their ranking.
@@ -68,7 +64,6 @@ def plan_grasps(
         gripper: the gripper that executes the grasps.
         scene: obstacles and a support plane, camera frame.
         physics: mass, friction and force, and how sure they are.
-        up_camera: against gravity, camera frame; None: the object's z axis.
         seed: seed of the drawn plausible objects.
     """
     timings, last = {}, time.perf_counter()
@@ -88,8 +83,8 @@ def plan_grasps(
     lap("refine")
     checks = check_grasps(refined, world, gripper, latent=estimate.latent)
     lap("check")
-    up = None if up_camera is None else up_camera @ estimate.camera_from_object[:3, :3]
-    physics = (physics or Physics()).held_by(gripper.force_limit)
+    physics = (physics or Physics()).standing(scene).held_by(gripper.force_limit)
+    up = None if physics.up is None else physics.up @ estimate.camera_from_object[:3, :3]
     plausible = PlausibleObjects.draw(mesh, category, estimate, physics=physics, up=up, seed=seed)
     lap("doubt")
     grasps, checks = place_grasps(refined, checks, world, gripper, plausible=plausible)

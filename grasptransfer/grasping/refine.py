@@ -201,8 +201,11 @@ class _Search:
 
     def _moved(self, motions: Float[np.ndarray, "g c 6"]) -> Float[np.ndarray, "g c 4 4"]:
         """Each grasp after each motion of its TCP, along its own axes."""
+        from scipy.spatial.transform import Rotation
+
         candidates = np.tile(self.best[:, None], (1, motions.shape[1], 1, 1))
-        turns = _rotations(motions[..., 3:].reshape(-1, 3)).reshape(*motions.shape[:2], 3, 3)
+        turns = Rotation.from_rotvec(motions[..., 3:].reshape(-1, 3)).as_matrix()
+        turns = turns.reshape(*motions.shape[:2], 3, 3)
         candidates[..., :3, :3] = self.best[:, None, :3, :3] @ turns
         candidates[..., :3, 3] += np.einsum("gij,gcj->gci", self.best[:, :3, :3], motions[..., :3])
         return candidates
@@ -294,9 +297,3 @@ def _weights(cost: Float[np.ndarray, "g c"], temperature: float) -> Float[np.nda
 def _along_x(pose: Float[np.ndarray, "4 4"], contacts: Float[np.ndarray, "2 3"]) -> float:
     """x of the middle of the contacts in the pose's frame [m]."""
     return float((contacts.mean(axis=0) - pose[:3, 3]) @ pose[:3, 0])
-
-
-def _rotations(vectors: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3 3"]:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vectors).as_matrix()
