@@ -70,7 +70,6 @@ def build_shipped_category(
     moved = np.stack([surface.displacements(shape) for shape in instances.values()])
     weights = fit_weights(surface.points, choice.space, choice.regularisation, moved)
     progress(f"{name}: accuracy of CPD")
-    best = cpd_accuracy(surface)[0]
     progress(f"{name}: writing")
     content = CategoryContent(
         name=name,
@@ -78,7 +77,7 @@ def build_shipped_category(
         density=curated.density,
         split=Split(canonical="canonical", train=tuple(train), test=tuple(test)),
         settings=_settings(choice, surface, len(learnt)),
-        measured={**choice.measured, **_of_cpd(best)},
+        measured={**choice.measured, **_of_cpd(cpd_accuracy(surface)[0])},
         canonical_glb=glb_of(compact(model.scene())),
         instance_glbs={key: glb_of(compact(shape.scene())) for key, shape in instances.items()},
         shape_space=choice.space,
