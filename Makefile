@@ -4,6 +4,8 @@ PYTHON = $(shell .ci/pythons "$$(.ci/pythons | head -n 1)")
 OTHERS = $(shell .ci/pythons | tail -n +2)
 BIN := .venv/bin
 WORKERS ?= 2
+# Files are handed out in the order of their names: sorted by their number of tests, long ones would come last.
+SHARED := --dist loadfile --no-loadscope-reorder
 # Modules are compiled when they are first imported; most of them never are.
 INSTALL := install --quiet --no-compile
 
@@ -22,7 +24,7 @@ demo: .venv/ready system
 test: .venv/ready system
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) $(SHARED)
 
 # Damaged files of every format that is read: 20,000 each in hours (it goes on where it stopped), 300 each in CI.
 soak: .venv/ready
@@ -38,7 +40,7 @@ lint: .venv/ready
 # The whole suite on every Python found here. PyTorch is a download of some gigabytes for each of the others.
 test-pythons: test $(OTHERS:%=whole-suite-%)
 whole-suite-%: .venv-%/whole system
-	OMP_NUM_THREADS=1 .venv-$*/bin/python -m pytest -n $(WORKERS) --dist loadfile
+	OMP_NUM_THREADS=1 .venv-$*/bin/python -m pytest -n $(WORKERS) $(SHARED)
 
 # Registration, grasping, formats and simulation on the other Pythons found here, without PyTorch.
 test-pythons-light: $(OTHERS:%=light-suite-%)

@@ -36,30 +36,44 @@ class MeshFile:
 
     Args:
         mesh: all triangles as one mesh, corners that are nowhere used left out; None: there are none.
-        points: (m, 3) of the mesh's corners, or of the cloud.
+        points: (m, 3) corners of the mesh, or points of the cloud.
     """
 
     mesh: "trimesh.Trimesh | None"
     points: Float[np.ndarray, "m 3"]
 
 
+@dataclass(frozen=True)
+class MeshLimits:
+    """What a mesh may be.
+
+    Args:
+        scale: metres in one unit of the file, as it was given.
+        smallest, largest: least and largest longest side, in metres.
+        sheets: whether it may be flat.
+    """
+
+    scale: float = 1.0
+    smallest: float = 0.0
+    largest: float = LARGEST
+    sheets: bool = False
+
+
+ANY_MESH = MeshLimits()
+
+
 def load_mesh(
     path: str | Path,
     *,
-    scale: float = 1.0,
-    smallest: float = 0.0,
-    largest: float = LARGEST,
-    sheets: bool = False,
+    limits: MeshLimits = ANY_MESH,
     error: type[GraspTransferError] = MeshError,
     key: str | None = None,
 ) -> "trimesh.Trimesh":
     """A mesh file as one mesh [m], in the frame of the file.
 
     Args:
-        path: of the file.
-        scale: metres in one unit of the file.
-        smallest, largest: longest side that is taken for metres [m].
-        sheets: whether it may be flat.
+        path: path of the file.
+        limits: the file's unit, and what is taken for a mesh in metres.
         error: the kind to raise.
         key: argument or key that names the file.
 
@@ -67,19 +81,14 @@ def load_mesh(
         error: missing, unreadable, compressed, without triangles, not finite, too coarse, flat or in another
             unit.
     """
-    found = read_mesh(path, error=error, key=key)
-    options = {"scale": scale, "smallest": smallest, "largest": largest, "sheets": sheets}
-    return in_metres(found, path, **options, error=error, key=key)
+    return in_metres(read_mesh(path, error=error, key=key), path, limits=limits, error=error, key=key)
 
 
 def in_metres(
     found: MeshFile,
     path: str | Path,
     *,
-    scale: float = 1.0,
-    smallest: float = 0.0,
-    largest: float = LARGEST,
-    sheets: bool = False,
+    limits: MeshLimits = ANY_MESH,
     error: type[GraspTransferError] = MeshError,
     key: str | None = None,
 ) -> "trimesh.Trimesh":
@@ -91,10 +100,9 @@ def in_metres(
     if found.mesh is None:
         raise error("has no triangles", path=path, key=key, fix="It is a cloud of points; make a mesh of it")
     mesh = found.mesh
-    if scale != 1.0:
-        mesh.apply_scale(scale)
-    limits = {"scale": scale, "smallest": smallest, "largest": largest, "sheets": sheets}
-    check_size(mesh.extents, path, **limits, error=error, key=key)
+    if limits.scale != 1.0:
+        mesh.apply_scale(limits.scale)
+    check_size(mesh.extents, path, limits=limits, error=error, key=key)
     return mesh
 
 
@@ -173,37 +181,35 @@ def check_size(
     extents: Float[np.ndarray, "3"],
     path: str | Path | None = None,
     *,
-    scale: float = 1.0,
-    smallest: float = 0.0,
-    largest: float = LARGEST,
-    sheets: bool = False,
+    limits: MeshLimits = ANY_MESH,
     error: type[GraspTransferError] = MeshError,
     key: str | None = None,
 ) -> None:
     """Refuse a size [m] that speaks of another unit, and what is flat.
 
     Args:
-        extents: of the bounding box [m], after scaling.
-        scale: metres in one unit of the file, as it was given; the message corrects it.
-        smallest, largest: of the longest side [m].
-        sheets: whether it may be flat.
+        extents: sides of the bounding box [m], after scaling.
+        path: path of the file.
+        limits: what it may be; the message corrects its scale.
+        error: the kind to raise.
+        key: argument or key that names the file.
 
     Raises:
         error: too large, too small, or flat.
     """
     size = float(np.max(extents))
     where: dict[str, Any] = {"path": path, "key": key}
-    if size > largest:
+    if size > limits.largest:
         unit = min(UNITS, key=lambda unit: abs(np.log(UNITS[unit] * size / TYPICAL)))
-        fix = f"Give the unit, --scale {scale * UNITS[unit]:g}, or scale the file to metres"
+        fix = f"Give the unit, --scale {limits.scale * UNITS[unit]:g}, or scale the file to metres"
         raise error(f"its longest side is {size:.4g} m: it looks like {unit}, not metres", fix=fix, **where)
-    if size < smallest:
+    if size < limits.smallest:
         raise error(
             f"its longest side is {size:.4g} m: it looks like another unit, or is scaled down",
-            fix=f"Give metres in one unit of the file, such as --scale {scale * 1000:g}",
+            fix=f"Give metres in one unit of the file, such as --scale {limits.scale * 1000:g}",
             **where,
         )
-    if not sheets and np.min(extents) < FLAT * size:
+    if not limits.sheets and np.min(extents) < FLAT * size:
         raise error("is flat: it encloses nothing", value=np.round(extents, 6).tolist(), **where)
 
 

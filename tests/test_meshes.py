@@ -8,7 +8,7 @@ import trimesh
 from trimesh.exchange.gltf import export_gltf
 
 from grasptransfer.errors import MeshError, SceneError
-from grasptransfer.meshes import load_mesh, read_mesh
+from grasptransfer.meshes import MeshLimits, load_mesh, read_mesh
 from grasptransfer.simulation import simulate
 from grasptransfer.workshop.building.sources import prepare
 
@@ -120,11 +120,11 @@ def test_another_unit_is_named_and_read_with_its_scale(tmp_path, unit, scale):
     path = written(tmp_path / "a.obj", trimesh.creation.box(np.array(SIZE) / scale))
     with pytest.raises(MeshError, match=rf"{unit}.*--scale {scale:g}"):
         load_mesh(path)
-    np.testing.assert_allclose(load_mesh(path, scale=scale).extents, SIZE, atol=1e-7)
+    np.testing.assert_allclose(load_mesh(path, limits=MeshLimits(scale)).extents, SIZE, atol=1e-7)
 
 
 def test_a_caller_chooses_the_error_and_allows_sheets(tmp_path):
     path = written(tmp_path / "sheet.obj", trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
     with pytest.raises(SceneError, match=r"sheet\.obj: wall: is flat"):
         load_mesh(path, error=SceneError, key="wall")
-    assert len(load_mesh(path, sheets=True).faces) == 1
+    assert len(load_mesh(path, limits=MeshLimits(sheets=True)).faces) == 1

@@ -90,7 +90,7 @@ class Stage:
             self._gripper(f"{place}/gripper", shape.check.opening, usable=shape.check.usable)
 
     def _gripper(self, place: str, opening: float, *, usable: bool) -> None:
-        colour, fingers = USABLE if usable else REFUSED, {pad.link for pad in self.gripper.pads}
+        colour, fingers = USABLE if usable else REFUSED, self.gripper.finger_links
         for link, mesh in self.gripper.link_meshes(opening, visual=True).items():
             self._mesh(f"{place}/{link}", mesh, colour if link in fingers else HAND, opacity=self.opacity)
 

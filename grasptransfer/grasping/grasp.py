@@ -4,6 +4,7 @@ import dataclasses
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -51,10 +52,10 @@ class Grasp:
     """A grasp of the canonical model.
 
     Args:
-        name: unique in its file.
+        name: name that no other grasp of its file has.
         label: what it is for (`rim`, `handle`, `hand-over`, ...).
         canonical_from_gripper: TCP pose (4, 4) [m].
-        width: distance between the pads when they touch [m]; None where nothing tells: they close from open.
+        width: distance between the pads when they touch [m]; None: not known, they close from open.
         approach_distance: straight way along +z that ends at the grasp [m].
         contacts: points (2, 3) of the surface under the -x and the +x pad, canonical frame [m].
         symmetry: turns that give equally good grasps.
@@ -73,13 +74,26 @@ class Grasp:
     opening: float | None = None
 
     def __post_init__(self):
-        pose = check_rigid(self.canonical_from_gripper, f"{self.name}: canonical_from_gripper")
-        pose.setflags(write=False)
-        object.__setattr__(self, "canonical_from_gripper", pose)
-        if self.contacts is not None:
-            contacts = order_contacts(np.array(self.contacts, dtype=float), pose)
-            contacts.setflags(write=False)
-            object.__setattr__(self, "contacts", contacts)
+        keep_pose_and_contacts(self, "canonical_from_gripper")
+
+
+def keep_pose_and_contacts(grasp: Any, pose: str) -> None:
+    """Check the pose and order the contacts of a new grasp, and keep both as arrays that nobody can write to.
+
+    Args:
+        grasp: a frozen record with a name, this pose and contacts.
+        pose: name of its `a_from_gripper`.
+
+    Raises:
+        PoseError: the pose is not rigid, or in millimetres.
+    """
+    a_from_gripper = check_rigid(getattr(grasp, pose), f"{grasp.name}: {pose}")
+    kept = {pose: a_from_gripper}
+    if grasp.contacts is not None:
+        kept["contacts"] = order_contacts(np.array(grasp.contacts, dtype=float), a_from_gripper)
+    for field, array in kept.items():
+        array.setflags(write=False)
+        object.__setattr__(grasp, field, array)
 
 
 def order_contacts(

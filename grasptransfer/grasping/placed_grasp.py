@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.errors import GraspFileError
-from grasptransfer.frames import check_rigid
-from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp, order_contacts
+from grasptransfer.grasping.grasp import DEFAULT_APPROACH_DISTANCE, Grasp, keep_pose_and_contacts
 
 
 @runtime_checkable
@@ -66,13 +65,7 @@ class PlacedGrasp:
     opening: float | None = None
 
     def __post_init__(self):
-        pose = check_rigid(self.object_from_gripper, f"{self.name}: object_from_gripper")
-        pose.setflags(write=False)
-        object.__setattr__(self, "object_from_gripper", pose)
-        if self.contacts is not None:
-            contacts = order_contacts(np.array(self.contacts, dtype=float), pose)
-            contacts.setflags(write=False)
-            object.__setattr__(self, "contacts", contacts)
+        keep_pose_and_contacts(self, "object_from_gripper")
 
     @staticmethod
     def on_canonical(grasp: Grasp) -> "PlacedGrasp":

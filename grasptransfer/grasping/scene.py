@@ -12,7 +12,7 @@ from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import PoseError, SceneError, in_millimetres
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping.surface import LARGEST_EXTENT
-from grasptransfer.meshes import load_mesh
+from grasptransfer.meshes import MeshLimits, load_mesh
 from grasptransfer.perception.standing import Support
 from grasptransfer.yaml_models import Strict, parse
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 STANDS_SIGMA = 0.003  # m: of a plane fitted to the depth of a table, or measured by touching it
 SUREST, VAGUEST = 1e-5, 1.0  # m
 Triple = tuple[float, float, float]
+
+OBSTACLE = MeshLimits(largest=LARGEST_EXTENT, sheets=True)
 
 
 @dataclass(frozen=True)
@@ -157,4 +159,4 @@ def _mesh(name: str, model: _ObstacleModel, path: Path) -> "trimesh.Trimesh":
             raise SceneError("must be positive", path=path, key=f"{key}.box", value=list(model.box))
         return trimesh.creation.box(extents=model.box)
     file = path.parent / str(model.mesh)
-    return load_mesh(file, largest=LARGEST_EXTENT, sheets=True, error=SceneError, key=f"{key}.mesh")
+    return load_mesh(file, limits=OBSTACLE, error=SceneError, key=f"{key}.mesh")

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from grasptransfer.errors import GraspFileError
 from grasptransfer.grasping.formats import GraspSet, read_grasps
-from grasptransfer.meshes import SMALLEST, in_metres, read_mesh
+from grasptransfer.meshes import SMALLEST, MeshLimits, in_metres, read_mesh
 from grasptransfer.options import Protocol, Seed, Workers, check_counts
 from grasptransfer.poses import load_pose
 from grasptransfer.report.result_files import check_folder
@@ -80,7 +80,7 @@ def run_simulation(settings: SimulationSettings) -> "Sequence[TrialResult]":
     hand = found.gripper
     assert hand is not None  # every file is read for one
     scale = found.object_scale if settings.scale is None else settings.scale
-    solid = in_metres(read, settings.mesh, scale=scale, smallest=SMALLEST)
+    solid = in_metres(read, settings.mesh, limits=MeshLimits(scale, SMALLEST))
     outcomes = simulate(
         found.grasps,
         solid,

@@ -9,7 +9,7 @@ import trimesh
 from jaxtyping import Float
 
 from grasptransfer.errors import CategoryError, MeshError, SettingsError
-from grasptransfer.meshes import SMALLEST, SUFFIXES, check_points, check_size, read_mesh
+from grasptransfer.meshes import SMALLEST, SUFFIXES, MeshLimits, check_points, check_size, read_mesh
 from grasptransfer.solids.enclosed import united
 from grasptransfer.workshop.building.carving import carved_surface
 from grasptransfer.workshop.building.cloud_files import read_pcd, read_xyz
@@ -131,7 +131,7 @@ def prepare(path: Path, *, scale: float, rotation: Float[np.ndarray, "3 3"]) -> 
         mesh, notes = _repair(mesh, path)
         points = np.asarray(mesh.vertices)
     check_points(points, path)
-    check_size(np.ptp(points, axis=0) * scale, path, scale=scale, smallest=SMALLEST)
+    check_size(np.ptp(points, axis=0) * scale, path, limits=MeshLimits(scale, SMALLEST))
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation
     moved = points @ matrix[:3, :3].T
