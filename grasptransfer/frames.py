@@ -53,7 +53,8 @@ never a transform.
 | `g` | grasps |
 | `s` | drawn samples; in the fit of pose and shape, its 6 + k unknowns |
 | `t` | moments of a trial, or traits of a point |
-| `b` | pictures of a batch |
+| `b` | pictures of a batch, or of one object |
+| `a` | pictures of one object before these |
 | `h w` | rows and columns of a picture |
 | `r` | rings or rows of a parametric surface, rays |
 """

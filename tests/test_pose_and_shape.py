@@ -10,7 +10,7 @@ from grasptransfer.camera import Camera
 from grasptransfer.drawing.views import look_at
 from grasptransfer.frames import rotation_angle, transform_points
 from grasptransfer.perception.picture_evidence import Motion, PictureEvidence
-from grasptransfer.perception.pose_and_shape import fit_pose_and_shape, widened_pose
+from grasptransfer.perception.pose_and_shape import fit_pose_and_shape
 from grasptransfer.perception.pose_prior import PosePrior
 from grasptransfer.poses import covariance_of
 from grasptransfer.registration import DisplacementModel
@@ -99,5 +99,5 @@ def test_a_picture_that_says_nothing_leaves_the_pose_as_unsure_as_it_was_given()
     covariance = covariance_of((0.01, 2.0))
     assert covariance is not None
     given = np.sqrt(np.diag(covariance)) * np.sqrt(5 / 11)  # At the centre of Student's distribution.
-    found = np.sqrt(np.diag(widened_pose(fit.covariance))[:6])
+    found = np.sqrt(np.diag(fit.covariance)[:6])
     np.testing.assert_allclose(found, given, rtol=0.02)

@@ -50,7 +50,9 @@ def _fit(given_poses, evidence, views="moved camera", pose_sigma=None) -> PoseAn
     sigma = covariance_of(pose_sigma)
     first, *further = (Observation(PICTURE, CAMERA, pose, pose_covariance=sigma) for pose in given_poses)
     start = arrange(replace(first, further=tuple(further), views=views), evidence[0].points, refine=True)
-    return fit_pose_and_shape(evidence, start.start, start.priors, places=start.places)
+    return fit_pose_and_shape(
+        evidence, start.start, start.priors, places=start.places, overconfidence=start.overconfidence
+    )
 
 
 def _sides(seed: int, azimuths=SIDES):

@@ -9,8 +9,8 @@ from grasptransfer.drawing.boxes import Box, projected_box
 from grasptransfer.frames import invert, moved
 from grasptransfer.perception.earlier_pictures import ObjectPosterior, with_latent_covariance
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.pose_and_shape import PoseAndShape, widened_pose
-from grasptransfer.perception.pose_prior import PoseDeviation, PosePrior
+from grasptransfer.perception.pose_and_shape import PoseAndShape
+from grasptransfer.perception.pose_prior import PoseDeviation, PosePrior, pose_overconfidence
 from grasptransfer.perception.several_pictures import (
     MOVED_CAMERA,
     PicturePlace,
@@ -41,6 +41,7 @@ class Arrangement:
         earlier: what earlier pictures have left known.
         new: share of what these pictures say that earlier ones have not said yet.
         seen_from: (a, 3) directions of all pictures so far, object axes.
+        overconfidence: how many times less the pictures say of the poses than their residuals do.
     """
 
     start: tuple[Pose, ...]
@@ -50,6 +51,7 @@ class Arrangement:
     earlier: ObjectPosterior | None
     new: float
     seen_from: Float[np.ndarray, "a 3"]
+    overconfidence: float
 
     def latent(self, modes: int) -> Float[np.ndarray, "k"]:
         """The latent of the model with which the pictures are compared first."""
@@ -103,7 +105,8 @@ def arrange(observation: Observation, vertices: Float[np.ndarray, "v 3"], *, ref
             one.camera_from_object if prior is None else _centred(one, vertices) for one, prior in pairs
         )
     if earlier is None:
-        return Arrangement(start, priors, places, sigma, None, 1.0, directions)
+        seen = sum(weights) if moved_camera else 1.0  # a pose that errs by itself is seen once
+        return Arrangement(start, priors, places, sigma, None, 1.0, directions, pose_overconfidence(seen))
     new = share_of_new(earlier.seen_from, directions)
     narrowed = with_latent_covariance(earlier.covariance, new * earlier.covariance[6:, 6:])
     known = earlier.pose_known and priors[0] is not None
@@ -111,9 +114,10 @@ def arrange(observation: Observation, vertices: Float[np.ndarray, "v 3"], *, ref
     if known:
         start = (earlier.camera_from_object, *start[1:])
         priors = (None, *priors[1:])
-        sigma = PoseDeviation.of(earlier.camera_from_object, widened_pose(earlier.covariance)[:6, :6])
+        sigma = PoseDeviation.of(earlier.camera_from_object, earlier.covariance[:6, :6])
     together = np.concatenate([observation.earlier.seen_from, directions])
-    return Arrangement(start, priors, places, sigma, earlier, new, together)
+    seen = float(weights_of(together).sum()) if known else 1.0
+    return Arrangement(start, priors, places, sigma, earlier, new, together, pose_overconfidence(seen))
 
 
 def _centred(picture: Observation, vertices: Float[np.ndarray, "v 3"]) -> Pose:

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.frames import drift, invert
-from grasptransfer.perception.pose_prior import POSE_OVERCONFIDENCE
 
 
 @dataclass(frozen=True)
@@ -17,7 +16,7 @@ class ObjectPosterior:
         camera_from_object: (4, 4) its mean pose.
         latent: (k,) its mean latent.
         covariance: (6 + k, 6 + k) over turn about the object's origin [rad] and shift [m], camera axes, and
-            latent: as a fit gives it, before it is widened to what holds.
+            latent: as a fit gives it, before the latent's is widened to what holds.
         seen_from: (a, 3) directions from the object to the cameras that saw it, object axes.
         given: (4, 4) the given pose in the last picture.
         pose_known: False: nothing is known of the pose in the next picture.
@@ -44,23 +43,34 @@ class ObjectPosterior:
         turned = np.eye(len(self.covariance))
         turned[:3, :3] = turned[3:6, 3:6] = moved_camera[:3, :3]
         covariance = turned @ self.covariance @ turned.T
-        covariance[:6, :6] += noise / POSE_OVERCONFIDENCE
+        covariance[:6, :6] += noise
         pose = moved_camera @ self.camera_from_object if pose_known else given
         return replace(
             self, camera_from_object=pose, covariance=covariance, given=given, pose_known=pose_known
         )
 
     def quadratic(
-        self, pose: Float[np.ndarray, "4 4"], latent: Float[np.ndarray, "k"]
+        self, pose: Float[np.ndarray, "4 4"], latent: Float[np.ndarray, "k"], *, surer: float = 1.0
     ) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s"]]:
-        """Hessian and gradient of the negative logarithm of its density."""
+        """Hessian and gradient of the negative logarithm of its density.
+
+        Args:
+            surer: by how much the pose's variances are divided.
+        """
         off = np.concatenate([drift(self.camera_from_object, pose), latent - self.latent])
         precision = np.zeros_like(self.covariance)
         if self.pose_known:
-            precision = np.linalg.inv(self.covariance)
+            precision = np.linalg.inv(pose_scaled(self.covariance, 1 / surer))
         else:
             precision[6:, 6:] = np.linalg.inv(self.covariance[6:, 6:])
         return precision, precision @ off
+
+
+def pose_scaled(covariance: Float[np.ndarray, "s s"], factor: float) -> Float[np.ndarray, "s s"]:
+    """A joint covariance over turn, shift and latent whose pose's variances are multiplied by a factor."""
+    deviation = np.ones(len(covariance))
+    deviation[:6] = np.sqrt(factor)
+    return covariance * np.outer(deviation, deviation)
 
 
 def with_latent_covariance(

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from grasptransfer.frames import moved
-from grasptransfer.perception.earlier_pictures import ObjectPosterior
+from grasptransfer.perception.earlier_pictures import ObjectPosterior, pose_scaled
 from grasptransfer.perception.picture_evidence import PictureEvidence, Quadratic
 from grasptransfer.perception.pose_prior import POSE_OVERCONFIDENCE, PosePrior
 from grasptransfer.perception.several_pictures import PicturePlace
@@ -63,6 +63,7 @@ def fit_pose_and_shape(
     places: Sequence[PicturePlace] = (PicturePlace(),),
     earlier: ObjectPosterior | None = None,
     standing: Standing | None = None,
+    overconfidence: float = POSE_OVERCONFIDENCE,
 ) -> PoseAndShape:
     """Maximise the posterior of poses and latent.
 
@@ -73,8 +74,9 @@ def fit_pose_and_shape(
         places: of each picture: which pose it goes with, and how much it counts.
         earlier: what earlier pictures have left known, of the first pose and the latent.
         standing: the plane on which the object stands, in the first picture's camera.
+        overconfidence: how many times less the pictures say of the poses than their residuals do.
     """
-    known = _Known(tuple(pictures), tuple(places), tuple(priors), earlier, standing)
+    known = _Known(tuple(pictures), tuple(places), tuple(priors), earlier, standing, overconfidence)
     at, latent = tuple(poses), known.first_latent()
     size, count = len(latent), len(at)
     fitted = [prior is not None for prior in priors]
@@ -98,14 +100,7 @@ def fit_pose_and_shape(
             break
     chosen = _columns(0, count, size)
     covariance = _unweighted(covariance[np.ix_(chosen, chosen)], known.share_of_prior(0))
-    return PoseAndShape(at, latent, covariance, converged)
-
-
-def widened_pose(covariance: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "s s"]:
-    """The covariance of a fit with the pose as unsure as what pictures really say of it leaves it."""
-    deviation = np.ones(len(covariance))
-    deviation[:6] = np.sqrt(POSE_OVERCONFIDENCE)
-    return covariance * np.outer(deviation, deviation)
+    return PoseAndShape(at, latent, pose_scaled(covariance, overconfidence), converged)
 
 
 @dataclass(frozen=True)
@@ -117,6 +112,7 @@ class _Known:
     priors: tuple[PosePrior | None, ...]
     earlier: ObjectPosterior | None
     standing: Standing | None
+    overconfidence: float
 
     def first_latent(self) -> Latent:
         """The latent to start from: that of earlier pictures, or the mean of what these say as a whole."""
@@ -156,15 +152,15 @@ class _Known:
             if prior is not None:
                 # Latents weigh as before: the given pose holds the more, in place of evidence that says the
                 # less.
-                held, pulled = prior.quadratic(pose, surer=POSE_OVERCONFIDENCE)
+                held, pulled = prior.quadratic(pose, surer=self.overconfidence)
                 share = self.share_of_prior(number)
                 hold[rows, rows], pull[rows] = share * held, share * pulled
         first = _columns(0, len(poses), len(latent))
         if self.earlier is not None:
-            _add(hold, pull, first, self.earlier.quadratic(poses[0], latent))
+            _add(hold, pull, first, self.earlier.quadratic(poses[0], latent, surer=self.overconfidence))
         if self.standing is not None:
             held, pulled = self.standing.quadratic(poses[0], latent)
-            _add(hold, pull, first, (POSE_OVERCONFIDENCE * held, POSE_OVERCONFIDENCE * pulled))
+            _add(hold, pull, first, (self.overconfidence * held, self.overconfidence * pulled))
         return hold, pull
 
     def share_of_prior(self, number: int) -> float:

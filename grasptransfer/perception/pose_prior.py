@@ -20,7 +20,9 @@ ALONG_RAY, ACROSS_RAY, TURN = 0.013, 0.0038, np.deg2rad(1.7)
 # What no shape of the space expresses looks like a turned or shifted object: cells and outline say so many
 # times less of the pose than their residuals do. At 6, E of 27 photographs of a drill with poses of three
 # estimators falls from 59, 62 and 67 (at 1) to 51, 51 and 61; that of poses wrong by 5 cm stays as it is.
-POSE_OVERCONFIDENCE = 6.0
+# Seen from more sides, turn, distance and shape no longer look alike: two pictures 45 degrees apart, which
+# count 4/3, leave it at 2.
+POSE_OVERCONFIDENCE, TOLD_APART = 6.0, 0.2
 FREEDOM = 5.0  # degrees of freedom of Student's distribution
 SUREST = 1e-5  # rad, m: a given deviation below this counts as this, so that the covariance has an inverse
 
@@ -76,6 +78,15 @@ class PosePrior:
         precision = surer * self._precision
         hold = precision * (FREEDOM + len(off)) / (FREEDOM + off @ precision @ off)
         return hold, hold @ off
+
+
+def pose_overconfidence(pictures: float) -> float:
+    """How many times less pictures say of the pose than their residuals do.
+
+    Args:
+        pictures: sum of the weights of all that see the pose.
+    """
+    return 1 + (POSE_OVERCONFIDENCE - 1) * float(np.exp(-max(pictures - 1, 0.0) / TOLD_APART))
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from grasptransfer.perception.networks import (
 )
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.picture_evidence import Motion, Outline, PictureEvidence
-from grasptransfer.perception.pose_and_shape import PoseAndShape, fit_pose_and_shape, widened_pose
+from grasptransfer.perception.pose_and_shape import PoseAndShape, fit_pose_and_shape
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.several_pictures import PicturePlace
 from grasptransfer.perception.signs import (
@@ -108,6 +108,7 @@ class RgbEstimator:
                     places=given.places,
                     earlier=given.earlier,
                     standing=self._standing(observation.support),
+                    overconfidence=given.overconfidence,
                 )
             poses, latent = fit.poses, fit.latent
             clock.lap("fit")
@@ -121,7 +122,7 @@ class RgbEstimator:
             field=self.category.shape_space.field(fit.latent),
             camera_from_object=fit.camera_from_object,
             latent=fit.latent,
-            covariance=self.confidence.widened_with_pose(widened_pose(posterior.covariance)),
+            covariance=self.confidence.widened_with_pose(posterior.covariance),
             mask=whole_mask(looks[0].object_probability, looks[0].camera, observation.camera),
             category_score=score,
             status=status,
