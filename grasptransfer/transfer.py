@@ -259,7 +259,7 @@ def transfer_grasps(
         image: path, PIL picture or uint8 (h, w, 3) RGB; or a list of them, all of one object. Then `pose`,
             and `box`, `mask` and `depth` where given, are lists of the same length; `camera` and `pose_sigma`
             may be. The result is in the frame of the first picture's camera, and so is the scene.
-        pose: (4, 4) `camera_from_object`, OpenCV axes, metres; or None: it is searched in the picture
+        pose: (4, 4) `camera_from_object`, OpenCV axes, metres; or None: it is searched in the box or mask
             (`find_pose`), and the result's `found_poses` and `pose_note` say how likely it is.
         category: name, folder or loaded `Category`.
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None for a 60 degree field of view.

@@ -9,7 +9,7 @@ from grasptransfer.drawing.boxes import projected_box
 from grasptransfer.drawing.views import look_at
 from grasptransfer.errors import ImageError, WeightsError
 from grasptransfer.frames import rigid, rotation_angle
-from grasptransfer.perception.pose_search import chances, finder, grid, windows
+from grasptransfer.perception.pose_search import chances, finder, grid
 from grasptransfer.perception.pose_search.traits import POSE_TRAITS, VIEW_TRAITS
 from grasptransfer.workshop.benchmark.pose_errors import pose_error, symmetry_turns
 
@@ -91,6 +91,11 @@ def test_a_box_that_is_none_is_refused_before_the_search(mug, seen):
         gt.find_pose(seen[0], mug, camera=CAMERA, box=(200, 10, 100, 50))
 
 
+def test_a_picture_without_box_or_mask_is_refused(mug, seen):
+    with pytest.raises(ImageError, match=r"box.*needed to find a pose"):
+        gt.find_pose(seen[0], mug, camera=CAMERA)
+
+
 @pytest.mark.parametrize("box", [(40.0, 60.0, 120.0, 160.0), (200.0, 20.0, 300.0, 90.0)])
 def test_the_pose_in_a_box_fills_it(mug, box):
     points = np.asarray(mug.canonical.vertices)
@@ -99,14 +104,6 @@ def test_the_pose_in_a_box_fills_it(mug, box):
         assert (u0 + u1) / 2 == pytest.approx((box[0] + box[2]) / 2, abs=1.0)
         assert (v0 + v1) / 2 == pytest.approx((box[1] + box[3]) / 2, abs=1.0)
         assert (u1 - u0) * (v1 - v0) == pytest.approx((box[2] - box[0]) * (box[3] - box[1]), rel=0.03)
-
-
-def test_windows_cover_the_picture():
-    boxes = np.array(windows.window_boxes(CAMERA))
-    assert boxes[:, :2].min() == pytest.approx(-0.5, abs=1)
-    assert boxes[:, 2].max() == pytest.approx(CAMERA.width - 0.5, abs=1)
-    for pixel in ([5, 5], [160, 120], [310, 230]):
-        assert ((boxes[:, :2] <= pixel) & (boxes[:, 2:] >= pixel)).all(1).any()
 
 
 def test_fitted_weights_find_the_trait_that_speaks():

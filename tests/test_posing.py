@@ -116,7 +116,9 @@ def test_the_pose_file_holds_pose_and_uncertainty(session, tmp_path):
 
 
 def test_without_a_browser_a_proposal_is_written_as_it_is(session, tmp_path):
-    settings = PoseFileSettings(tmp_path / "x.png", "mug", out=tmp_path / "pose.yaml", proposal=2)
+    settings = PoseFileSettings(
+        tmp_path / "x.png", "mug", (0.0, 0.0, 9.0, 9.0), out=tmp_path / "pose.yaml", proposal=2
+    )
     assert "proposal 2" in write_proposal(session, settings)
     np.testing.assert_allclose(read_pose(settings.out).camera_from_object, TURNED, atol=1e-9)
     write_overview(session, tmp_path / "overview.png")

@@ -30,7 +30,7 @@ class PoseFileSettings:
         image: RGB picture.
         category: of the object in it.
         camera: camera file as of `transfer`; without it the photograph's EXIF data, else 60 degrees.
-        box: u0 v0 u1 v1 around the object [px]; without it the picture is searched.
+        box: u0 v0 u1 v1 around the object [px], as any detector gives it.
         out: pose file to write.
         browser: correct the pose in the browser; without, a proposal is written as it is.
         proposal: which one is written without browser, 1 the likeliest.
@@ -45,8 +45,8 @@ class PoseFileSettings:
 
     image: Positional[Annotated[Path, arg(metavar="PICTURE")]]
     category: CategoryName
+    box: tuple[float, float, float, float]
     camera: Path | None = None
-    box: tuple[float, float, float, float] | None = None
     out: Path = Path("pose.yaml")
     browser: bool = True
     proposal: int = 1

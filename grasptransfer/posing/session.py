@@ -63,11 +63,11 @@ class PoseSession:
     Args:
         finder: of the category.
         image: path, PIL picture or uint8 (h, w, 3) RGB.
-        camera, box: as of `find_pose`; the box may be searched.
+        camera, box: as of `find_pose`.
         camera_from_table: as of `find_pose`.
 
     Raises:
-        GraspTransferError: wrong input, or nothing was found in the picture.
+        GraspTransferError: wrong input, or no view fits the picture.
     """
 
     def __init__(self, finder: PoseFinder, image, *, camera=None, box=None, camera_from_table=None):

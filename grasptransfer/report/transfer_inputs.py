@@ -32,7 +32,7 @@ class TransferSettings:
         category: name or folder of the category.
         pose: YAML with camera_from_object (4x4, OpenCV, metres); also of BOP, ROS, MegaPose, and 4x4 text. Of
             several pictures one each, or one with an entry of each. Without it the pose of a picture is
-            searched, as `grasptransfer pose` does, and the report says how likely it is.
+            searched in the box, as `grasptransfer pose` does, and the report says how likely it is.
         out: folder for report.html, grasps.yaml and reconstruction.glb; files of these names are replaced. Of
             a folder of pictures, each has its folder in it.
         camera: YAML with fx fy cx cy width height; also camera_info, calibrations, 3x3 text; without it the

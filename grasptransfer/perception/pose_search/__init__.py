@@ -3,7 +3,6 @@
 | module | does |
 | --- | --- |
 | `grid` | views of an upright object, and the pose of each that fills a box |
-| `windows` | where in a picture without a box the object is |
 | `traits` | what speaks for a view, and for a pose that was fitted from it |
 | `chances` | the fitted weights that turn traits into chances |
 | `finder` | the search: views scored, the likeliest fitted, equal ones merged |

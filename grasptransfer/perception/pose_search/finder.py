@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.boxes import Box
-from grasptransfer.errors import PoseError
+from grasptransfer.errors import ImageError, PoseError
 from grasptransfer.frames import check_rigid, rotation_angle, transform_points
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import observe
@@ -25,7 +25,6 @@ from grasptransfer.perception.pose_search.chances import FittedChances
 from grasptransfer.perception.pose_search.grid import misfit, pose_in_box, poses_on_table, view_rotations
 from grasptransfer.perception.pose_search.one_member import OneMember
 from grasptransfer.perception.pose_search.traits import SeenBox, pose_traits, view_traits
-from grasptransfer.perception.pose_search.windows import find_box
 from grasptransfer.perception.rgb import RgbEstimator
 from grasptransfer.perception.standing import Support
 
@@ -48,7 +47,7 @@ class FoundPose:
         camera_from_object: (4, 4) [m].
         chance: that it is right within some 15 degrees; those of all proposals sum to less than 1.
         pose_sigma: (6, 6) covariance of its error, if it is right: turn [rad], then shift [m], camera axes.
-        box: (u0, v0, u1, v1) around the object [px], as given or found.
+        box: (u0, v0, u1, v1) around the object [px], as given.
         estimate: shape and pose, as fitted from the view.
     """
 
@@ -142,13 +141,17 @@ class PoseFinder:
         return tuple(self._found(fits[index], float(shares[index]), seen) for index in order)
 
     def see(self, image, *, camera=None, box=None, mask=None) -> SeenBox:
-        """The picture, checked, and the object's box in it, searched where none is given."""
+        """The picture, checked, and the object's box in it, which a mask gives, too.
+
+        Raises:
+            ImageError: neither is given, or the picture is wrong.
+        """
         somewhere = np.eye(4)
         somewhere[2, 3] = 1.0  # a picture is checked with a pose; which one does not matter here
         observation = observe(image, somewhere, camera=camera, box=box, mask=mask)
         if observation.box is None:
-            observation = replace(observation, box=find_box(self._network, self.category, observation))
-        assert observation.box is not None
+            fix = "Give u0, v0, u1, v1 of the object in pixels, as any detector does, or a mask"
+            raise ImageError("is needed to find a pose", key="box", fix=fix)
         return SeenBox(observation, observation.box)
 
     def score(self, seen: SeenBox, poses: Float[np.ndarray, "c 4 4"] | None = None) -> ScoredViews:
@@ -239,7 +242,7 @@ def find_pose(
         image: path, PIL picture or uint8 (h, w, 3) RGB.
         category: name, folder or loaded `Category`.
         camera: as of `transfer_grasps`.
-        box: (u0, v0, u1, v1) around the object [px], or None: the picture is searched.
+        box: (u0, v0, u1, v1) around the object [px], as any detector gives it; the networks do not find it.
         camera_from_table: (4, 4) a table on which the object stands, z up from it [m], or None. It decides
             distance and tilt, so that only the heading is searched.
 

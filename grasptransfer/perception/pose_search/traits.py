@@ -118,18 +118,3 @@ def box_overlap(a: Box, b: Box) -> float:
     common = max(wide, 0.0) * max(high, 0.0)
     both = sum((box[2] - box[0]) * (box[3] - box[1]) for box in (a, b))
     return float(common / max(both - common, 1e-9))
-
-
-def around_mask(probability: Float[np.ndarray, "hh hw"], crop: Box) -> Box | None:
-    """The box, in the whole picture, around what a zoomed mask shows; None where that is too little."""
-    rows, columns = np.nonzero(probability > 0.5)
-    if len(rows) < 12:
-        return None
-    step_u = (crop[2] - crop[0]) / probability.shape[1]
-    step_v = (crop[3] - crop[1]) / probability.shape[0]
-    return (
-        crop[0] + columns.min() * step_u,
-        crop[1] + rows.min() * step_v,
-        crop[0] + (columns.max() + 1) * step_u,
-        crop[1] + (rows.max() + 1) * step_v,
-    )

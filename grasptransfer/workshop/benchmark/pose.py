@@ -52,7 +52,6 @@ class PoseSettings:
         photos: folder with photos.yaml; none: renderings.
         most: photographs of one object, spread over all there are.
         random: random shapes of each category in place of instances, and their first seed.
-        search: give no box: the picture is searched.
         seed: seed of views, lights and backgrounds.
     """
 
@@ -63,7 +62,6 @@ class PoseSettings:
     most: int = 12
     random: int = 0
     first_random: int = 70_000_000
-    search: bool = False
     seed: int = 0
 
     def __post_init__(self):
@@ -125,7 +123,7 @@ def measure_instance(settings: PoseSettings, category: str, name: str) -> dict:
             rng = np.random.default_rng([settings.seed, view, *name.encode()])
             picture, pose, box = see_upright(instance, renderer, rng)
             row = {"category": category, "instance": name, "view": view}
-            asked = _Asked(picture, CAMERA, None if settings.search else box, pose, turns, bounds)
+            asked = _Asked(picture, CAMERA, box, pose, turns, bounds)
             rows.append(row | asked.answer(_finder(category), evidence=settings.random > 0))
     return {"rows": rows}
 
@@ -141,8 +139,7 @@ def measure_photos(settings: PoseSettings, category: str, name: str) -> dict:
     for photo in (photos[index] for index in chosen):
         bounds, turns = _known(photo, settings.photos)
         camera, pose = Camera(**photo.camera.model_dump()), np.array(photo.camera_from_object)
-        box = None if settings.search else photo.box
-        asked = _Asked(settings.photos / photo.image, camera, box, pose, turns, bounds)
+        asked = _Asked(settings.photos / photo.image, camera, photo.box, pose, turns, bounds)
         row = {"category": category, "instance": name, "image": photo.image}
         rows.append(row | asked.answer(_finder(category), evidence=False))
     return {"rows": rows}
