@@ -11,12 +11,14 @@ from grasptransfer.drawing.boxes import Box, projected_box
 from grasptransfer.drawing.visible import visible_faces
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.estimate import ShapeEstimate
+from grasptransfer.perception.look import Look
 from grasptransfer.perception.network_input import network_input, zoom_for
 from grasptransfer.perception.networks import FLOW_UNIT, Prediction
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_search.grid import misfit
 from grasptransfer.perception.pose_search.one_member import OneMember
-from grasptransfer.perception.rgb import Look, RgbEstimator
+from grasptransfer.perception.rgb import RgbEstimator
+from grasptransfer.perception.signs import OF_PASS
 from grasptransfer.perception.zoom import MASK_STRIDE, zoom_camera, zoom_picture
 
 VIEW_TRAITS = ("match", "latent", "flow", "flow_scale", "offset_scale", "overlap", "misfit")
@@ -92,7 +94,7 @@ def pose_traits(
     motion = look.motion
     return np.array([
         view,
-        np.log((look.match + 1e-4) / (1 - look.match + 1e-4)),
+        look.signs[OF_PASS.index("match")],
         np.sqrt(np.mean(latent**2)),
         np.linalg.norm(motion.pixels - look.view.cell_pixels, axis=1).mean(),
         np.log(motion.pixel_scale).mean(),
