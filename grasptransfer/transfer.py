@@ -23,6 +23,7 @@ from grasptransfer.choice import Prefer, Reachable, chosen, in_order, raise_unle
 from grasptransfer.errors import check_seed
 from grasptransfer.frames import check_rigid
 from grasptransfer.grasping import (
+    Experience,
     Gripper,
     Physics,
     PlannedGrasps,
@@ -83,13 +84,12 @@ class GraspTransfer:
         check_seed(seed)
         self.category = load_category(category)
         self.gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
-        self.grasps = expand_symmetry(
-            load_grasps(self.category.annotated_path() if grasps is None else grasps, category=self.category)
-        )
-        self._named = estimator
+        file = self.category.annotated_path() if grasps is None else grasps
+        self.grasps = expand_symmetry(load_grasps(file, category=self.category))
+        self.experience = Experience.of(self.category, own_grasps=grasps is None)
         settings = EstimatorSettings(refine_pose, device, precision)
         self.estimator = estimators.make_estimator(estimator, self.category, settings)
-        self.seed = seed
+        self._named, self.seed = estimator, seed
 
     def transfer(
         self,
@@ -199,7 +199,8 @@ class GraspTransfer:
         with single_blas_thread():
             planned = self.plan(estimate, scene=scene, physics=physics)
             start, pose = time.perf_counter(), estimate.camera_from_object
-            found = score_grasps(planned.grasps, planned.checks, self.gripper, plausible=planned.plausible)
+            known = {"plausible": planned.plausible, "experience": self.experience}
+            found = score_grasps(planned.grasps, planned.checks, self.gripper, **known)
         trust = estimate.trust
         scores = [trust * score.chance for score in found]
         checks = mark_unlikely(planned.checks, scores, trust=trust)

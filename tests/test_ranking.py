@@ -16,7 +16,7 @@ from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.perception.reconstruction import reconstruct
 
 PANDA = load_gripper("panda")
-SURE = UnknownErrors(draws=16, shift=1e-5, turn=1e-4)
+SURE = UnknownErrors(draws=16, shift=1e-5, turn=1e-4, pose=1.0)
 FROM_ABOVE = np.diag([1.0, -1, -1])  # camera looking down the object's z, its x along the object's
 
 

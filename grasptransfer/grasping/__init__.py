@@ -6,6 +6,7 @@ are read by `grasps` and `formats`, grippers by `gripper`.
 """
 
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck, check_grasps
+from grasptransfer.grasping.experience import Experience
 from grasptransfer.grasping.grasps import (
     Grasp,
     GraspFile,
@@ -31,6 +32,7 @@ from grasptransfer.grasping.world import CollisionWorld
 __all__ = [
     "CheckStatus",
     "CollisionWorld",
+    "Experience",
     "Grasp",
     "GraspCheck",
     "GraspFile",

@@ -17,6 +17,7 @@ from jaxtyping import Float, Float32
 from grasptransfer.category import DENSITY
 from grasptransfer.grasping.draws import paired_draws
 from grasptransfer.grasping.enclosed_volume import enclosed, volume_and_centre
+from grasptransfer.grasping.experience import pose_share
 from grasptransfer.grasping.physics import Physics
 from grasptransfer.grasping.surface_places import SURFACE_POINTS, SurfacePlaces
 
@@ -38,11 +39,20 @@ class UnknownErrors:
         draws: shapes and poses per call.
         shift, turn: standard deviation, along each axis, of the pose's errors that no estimate knows of:
             the hand's, and those of a given pose that was not refined [m, rad].
+        pose: share of the stated covariance of a refined pose with which drawn poses differ; None: the one
+            that executed grasps bear out (`experience.pose_share`).
     """
 
     draws: int = 64
     shift: float = 0.001
     turn: float = 0.01
+    pose: float | None = None
+
+    def drawn_from(self, posterior: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "s s"]:
+        """The covariance over turn, shift and latent of what is drawn around an estimate with this one."""
+        scale = np.ones(len(posterior))
+        scale[:6] = np.sqrt(pose_share() if self.pose is None else self.pose)
+        return posterior * np.outer(scale, scale)
 
 
 def _upright() -> Float[np.ndarray, "3"]:
@@ -94,7 +104,8 @@ class PlausibleObjects:
         points, normals = places.points(mesh), places.normals(mesh)
         rotation, covariance = np.eye(3), np.zeros((6, 6))
         if category is not None and estimate is not None and estimate.covariance is not None:
-            rotation, covariance = estimate.camera_from_object[:3, :3], estimate.covariance.copy()
+            rotation = estimate.camera_from_object[:3, :3]
+            covariance = unknown.drawn_from(estimate.covariance)
         covariance[:6, :6] += np.diag([unknown.turn**2] * 3 + [unknown.shift**2] * 3)
         basis = basis[..., : len(covariance) - 6]
         effect = _effect(points[::EVERY], basis[::EVERY], rotation)

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.grasping.collision import CheckStatus, GraspCheck
+from grasptransfer.grasping.experience import Experience
 from grasptransfer.grasping.features import features_around
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.plausible import PlausibleObjects
@@ -46,6 +47,11 @@ class Score:
         variance = np.square(np.diff(pairs)).mean() / 2
         return Score(float(each.mean()), float(np.sqrt(variance / len(pairs))))
 
+    def corrected(self, experience: Experience, grasp: str) -> "Score":
+        """By what executed grasps have taught of the annotated grasp with this name."""
+        steepness = experience.steepness(self.chance, grasp)
+        return Score(experience.score(self.chance, grasp), steepness * self.deviation)
+
 
 def rank_grasps(
     grasps: Sequence[WarpedGrasp],
@@ -73,13 +79,21 @@ def score_grasps(
     *,
     plausible: PlausibleObjects,
     settings: Ranking | None = None,
+    experience: Experience | None = None,
 ) -> tuple[Score, ...]:
-    """Expected success of each grasp, and how sure it is; arguments as of `rank_grasps`."""
+    """Expected success of each grasp, and how sure it is; other arguments as of `rank_grasps`.
+
+    Args:
+        experience: corrects the chances by what executed grasps have taught; None leaves them.
+    """
     weights = (settings or Ranking.fitted()).weights
     features = grasp_features(grasps, checks, gripper, plausible=plausible)
+    experience = experience or Experience()
     return tuple(
-        Score.over(chances(each, weights)) if check.usable else Score(0.0, 0.0)
-        for each, check in zip(features, checks, strict=True)
+        Score.over(chances(each, weights)).corrected(experience, grasp.name)
+        if check.usable
+        else Score(0.0, 0.0)
+        for grasp, each, check in zip(grasps, features, checks, strict=True)
     )
 
 

@@ -1,69 +1,66 @@
-"""`bench calibration`: whether a grasp's score is its chance to hold, and the weights that make it so.
+"""`bench calibration`: whether a grasp's score is its chance to hold, and the numbers that make it so.
 
-Grasps that rgb transfers to random parametric shapes (neither train nor test instances) are executed in
-PyBullet; the ranking's logistic models are fitted to what held. Half of the shapes fit, the other half judge.
+Grasps that rgb transfers are executed on random shapes (neither train nor test instances) and, where folders
+are given, on meshes and photographs of real objects (`executed_grasps.py`). The ranking's logistic models and
+the experience with annotated grasps are fitted to what held (`chance_fit.py`). The score is judged as it is
+now, as fitted to all objects, and with each object left out of the fit that scores it; the last is the honest
+figure for an object that nobody has seen.
 """
 
-import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
-from grasptransfer.drawing.rendering import Renderer
+from grasptransfer.category import load_category
 from grasptransfer.errors import SettingsError
-from grasptransfer.grasping import load_gripper
-from grasptransfer.grasping.ranking import grasp_features
-from grasptransfer.grasping.success_model import (
-    WEIGHTS,
-    Features,
-    Ranking,
-    Weights,
-    expected_success,
-    write_ranking,
-)
+from grasptransfer.grasping.experience import Experience, write_experience
+from grasptransfer.grasping.success_model import WEIGHTS, Ranking, write_ranking
 from grasptransfer.options import GripperName, Protocol, check_counts
-from grasptransfer.perception.estimators import EstimatorSettings, make_estimator
-from grasptransfer.simulation import simulate
-from grasptransfer.transfer import GraspTransfer
+from grasptransfer.workshop.benchmark.chance_fit import (
+    FittedScores,
+    best_of_pictures,
+    fit_chances,
+    left_out_scores,
+    log_loss,
+)
 from grasptransfer.workshop.benchmark.document import document
+from grasptransfer.workshop.benchmark.executed_grasps import SOURCES, Executed, execute_on, found_objects
 from grasptransfer.workshop.benchmark.given_poses import GivenPoses
-from grasptransfer.workshop.benchmark.grasp import as_executed
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.options import (
     Categories,
+    Meshes,
     Said,
     Together,
     Told,
     ViewsOfEach,
     name_trained,
 )
-from grasptransfer.workshop.benchmark.seen_instances import (
-    load_instance,
-    observe_instance,
-    random_names,
-    spread_views,
-    viewpoints_of,
-)
+from grasptransfer.workshop.benchmark.reliability import Chance, reliability_table, summarise_chances
+from grasptransfer.workshop.benchmark.seen_instances import spread_views
 
-MOST_GRASPS = 8  # At most so many grasps of one picture are executed.
-FIRST_SEED = 78_000_000  # Seeds of the random shapes, far from those of train and test instances.
-BINS = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)
-RIDGE = 0.02  # Keeps weights for which few grasps are evidence near the present ones.
+PRESENT, FITTED, LEFT_OUT = "present", "fitted", "left_out"
 
 
 @dataclass(frozen=True)
 class CalibrationSettings:
     """What is measured.
 
+    Photographs are given exact poses, said to be so or not, poses as estimators give them, and those on file.
+
     Args:
         objects: number of random shapes of each category.
+        photos: folder with `photos.yaml`; none: no photographs.
         seed: seed of lights, backgrounds, pose errors and trials.
     """
 
     categories: Categories = ()
     objects: int = 12
+    meshes: Meshes = None
+    photos: Path | None = None
     views: ViewsOfEach = 3
     views_together: Together = 1
     told: Told = "estimator"
@@ -79,16 +76,8 @@ class CalibrationSettings:
 
     @property
     def given(self) -> GivenPoses:
-        """The given poses and their uncertainty."""
+        """The given poses of rendered views and their uncertainty."""
         return GivenPoses.of(self.told, self.pose_sigma)
-
-
-@dataclass(frozen=True)
-class Executed:
-    """Features of one executed grasp in each drawn sample of the estimate, and whether the grasp held."""
-
-    features: Features
-    held: bool
 
 
 def run_calibration(
@@ -99,116 +88,84 @@ def run_calibration(
     progress: Callable[[int, int], None] | None = None,
     write: bool = False,
 ) -> dict:
-    """Fitted weights, and the reliability of the present and of the fitted score.
+    """Fitted numbers, and the reliability of the present, of the fitted and of the left-out score.
 
     Args:
         workers: processes.
         ledger: file that an interrupted run resumes from.
-        write: the fitted weights into `objects/models/ranking.yaml`, from which later processes take them.
+        write: the fitted numbers into `objects/models`, from which later processes take them.
 
     Raises:
-        SettingsError: too few objects to fit with one half and judge by the other.
+        SettingsError: too few objects to leave some out.
     """
     if settings.objects < 2:
         raise SettingsError("must be at least 2", key="objects", value=settings.objects)
     spread_views(settings.views)  # This refuses a wrong number before the first picture.
-    names = random_names(settings.objects, FIRST_SEED)
-    tasks = [(category, name) for category in settings.categories for name in names]
-    found = measure_instances(_execute_on, settings, tasks, workers=workers, ledger=ledger, progress=progress)
-    executed = {
-        task: [Executed(np.array(grasp["features"], float), grasp["held"]) for grasp in one["grasps"]]
-        for task, one in zip(tasks, found, strict=True)
+    tasks = found_objects(settings.categories, settings.objects, settings.meshes, settings.photos)
+    found = measure_instances(execute_on, settings, tasks, workers=workers, ledger=ledger, progress=progress)
+    executed = [Executed.of(grasp) for one in found for grasp in one["grasps"]]
+    fitted = fit_chances(executed)
+    scores = {
+        PRESENT: _present(settings.categories).scores(executed),
+        FITTED: fitted.scores(executed),
+        LEFT_OUT: left_out_scores(executed),
     }
-    even = [grasp for task in tasks if task[1] in names[::2] for grasp in executed[task]]
-    odd = [grasp for task in tasks if task[1] in names[1::2] for grasp in executed[task]]
-    present, fitted = Ranking.fitted().weights, fit_weights([*even, *odd])
-    crossed = [(fit_weights(odd), even), (fit_weights(even), odd)]
-    scores = [(float(expected_success(g.features, w)), g.held) for w, group in crossed for g in group]
-    now = [(float(expected_success(g.features, present)), g.held) for g in [*even, *odd]]
     if write:
-        write_ranking(fitted)
-    rows = reliability(now, "present")
-    rows += reliability(scores, "fitted")
-    summary = {"grasps": len(scores), "held": float(np.mean([held for _, held in scores]))}
-    for name in ("present", "fitted"):
-        summary[f"calibration_error_{name}"] = calibration_error(rows, name)
-    summary |= {name: float(value) for name, value in zip(WEIGHTS, fitted, strict=True)}
+        _write(fitted, settings.categories)
+    rows = [row for name in scores for row in _reliability(name, executed, scores[name])]
+    summary: dict = {"grasps": len(executed), "objects": len({one.object for one in executed})}
+    for name, given in scores.items():
+        summary |= _summary(name, executed, given)
+    summary |= {"shift": fitted.shift, "slope": fitted.slope}
+    summary |= {name: float(value) for name, value in zip(WEIGHTS, fitted.weights, strict=True)}
     return document("calibration", settings=asdict(settings), rows=rows, summary=summary)
 
 
-def fit_weights(executed: list[Executed]) -> Weights:
-    """The ranking's weights under which the observed outcomes are most likely."""
-    from scipy.optimize import minimize
-
-    start = Ranking.fitted().weights
-    held = np.array([grasp.held for grasp in executed])
-    features = np.stack([grasp.features for grasp in executed])
-
-    def loss(weights):
-        chance = np.clip(expected_success(features, weights), 1e-3, 1 - 1e-3)
-        likelihood = np.where(held, np.log(chance), np.log(1 - chance)).mean()
-        return -likelihood + RIDGE * np.square((weights - start) / np.abs(start)).mean()
-
-    return minimize(loss, start, method="Nelder-Mead", options={"maxiter": 2000, "xatol": 1e-3}).x
+def _present(categories: tuple[str, ...]) -> FittedScores:
+    """What is shipped now."""
+    known = {name: Experience.of(load_category(name)) for name in categories}
+    temperature = next(iter(known.values()))
+    of_grasps = {f"{name}/{grasp}": value for name in known for grasp, value in known[name].of_grasps.items()}
+    return FittedScores(Ranking.fitted().weights, temperature.shift, temperature.slope, of_grasps)
 
 
-def reliability(scores: list[tuple[float, bool]], name: str) -> list[dict]:
-    """The share of held grasps in each range of scores."""
-    values, held = np.array([score for score, _ in scores]), np.array([held for _, held in scores])
+def _groups(executed: Sequence[Executed]) -> dict[str, list[int]]:
+    """Numbers of the grasps of each source, and of each photographed object."""
+    groups: dict[str, list[int]] = {}
+    for number, one in enumerate(executed):
+        groups.setdefault(one.source, []).append(number)
+        if one.source == SOURCES[-1]:
+            groups.setdefault(one.object.replace("/", "_"), []).append(number)
+    return groups
+
+
+def _reliability(name: str, executed: Sequence[Executed], scores: Float[np.ndarray, "g"]) -> list[dict]:
+    """The share of held grasps beside the stated one: a table for each source."""
     rows = []
-    for low, high in itertools.pairwise(BINS):
-        chosen = (values >= low) & (values < high if high < 1 else values <= high)
-        if chosen.any():
-            means = {"score": float(values[chosen].mean()), "held": float(held[chosen].mean())}
-            rows.append({"weights": name, "from": low, "to": high, "grasps": int(chosen.sum()), **means})
+    for group, numbers in _groups(executed).items():
+        chances = [Chance(float(scores[i]), executed[i].held) for i in numbers]
+        rows += [{"scores": name, "of": group} | row for row in reliability_table(chances)]
     return rows
 
 
-def calibration_error(rows: list[dict], name: str) -> float:
-    """Mean distance between score and share held, over all grasps."""
-    chosen = [row for row in rows if row["weights"] == name]
-    grasps = sum(row["grasps"] for row in chosen)
-    return sum(row["grasps"] * abs(row["score"] - row["held"]) for row in chosen) / max(grasps, 1)
+def _summary(name: str, executed: Sequence[Executed], scores: Float[np.ndarray, "g"]) -> dict:
+    """The contract's keys for rgb under the present score; the others bear the name of theirs."""
+    summary: dict = {f"log_loss_{name}": log_loss(executed, scores)}
+    parts = {"": list(range(len(executed)))} | {f"_{k}": v for k, v in _groups(executed).items()}
+    for part, numbers in parts.items():
+        some, given = [executed[i] for i in numbers], scores[numbers]
+        chances = [Chance(float(score), one.held) for score, one in zip(given, some, strict=True)]
+        label = "rgb" if name == PRESENT else f"rgb_{name}"
+        summary |= summarise_chances(f"{label}{part}", best_of_pictures(some, given), chances)
+    return summary
 
 
-def _execute_on(settings: CalibrationSettings, category: str, name: str) -> dict:
-    """`grasps` on one random shape: features in each draw, and whether each held."""
-    instance, gripper = load_instance(category, name), load_gripper(settings.gripper)
-    executed: list[Executed] = []
-    estimator = make_estimator("rgb", instance.category, EstimatorSettings(masks_for_depth_alone=True))
-    flow = GraspTransfer(instance.category, gripper=gripper, estimator=estimator)
-    with Renderer() as renderer:
-        for viewpoint in viewpoints_of(name, settings.views):
-            observation, pose = observe_instance(
-                instance,
-                viewpoint,
-                renderer=renderer,
-                noise=settings.given,
-                seed=settings.seed,
-                pictures=settings.views_together,
-            )
-            executed += _execute(flow, observation, pose, instance, settings)
-    return {"grasps": [{"features": one.features.tolist(), "held": one.held} for one in executed]}
-
-
-def _execute(flow: GraspTransfer, observation, pose, instance, settings) -> list[Executed]:
-    estimate = flow.estimator(observation)
-    planned = flow.plan(estimate)
-    features = grasp_features(planned.grasps, planned.checks, flow.gripper, plausible=planned.plausible)
-    usable = np.array([i for i, check in enumerate(planned.checks) if check.usable], int)
-    rng = np.random.default_rng(settings.seed)
-    usable = rng.permutation(usable)[:MOST_GRASPS]  # Many members of a symmetry family are alike.
-    chosen = [planned.grasps[i] for i in usable]
-    placed = as_executed(chosen, estimated_pose=estimate.camera_from_object, true_pose=pose)
-    density = instance.category.density  # which the scores assume, too
-    trials = simulate(
-        placed,
-        instance.solid,
-        flow.gripper,
-        protocol=settings.protocol,
-        density=density,
-        seed=settings.seed,
-    )
-    return [
-        Executed(features[i], trial.status.name == "HELD") for i, trial in zip(usable, trials, strict=True)
-    ]
+def _write(fitted: FittedScores, categories: tuple[str, ...]) -> None:
+    write_ranking(fitted.weights)
+    of_categories: dict[str, dict[str, float]] = {name: {} for name in categories}
+    for grasp, value in fitted.of_grasps.items():
+        category, name = grasp.split("/")
+        of_categories[category][name] = value
+    canonicals = {name: load_category(name).canonical_sha256 for name in categories}
+    temperature = (fitted.shift, fitted.slope)
+    write_experience(temperature, of_categories, canonicals=canonicals)

@@ -90,6 +90,7 @@ def _version(library: str) -> str | None:
 def _weights(settings: Any) -> list[Path]:
     """Files of trained and fitted numbers that a row depends on."""
     from grasptransfer.category import load_category
+    from grasptransfer.grasping.experience import experience_path
     from grasptransfer.grasping.success_model import ranking_path
     from grasptransfer.perception.pose_search.chances import chances_path
     from grasptransfer.perception.weights import find_weights, trained_categories
@@ -99,7 +100,8 @@ def _weights(settings: Any) -> list[Path]:
         return [given]
     names = set(settings.categories) & set(trained_categories())
     found = {find_weights(load_category(name)) for name in names}
-    return sorted(found | {path.with_suffix(".yaml") for path in found} | {ranking_path(), chances_path()})
+    fitted = {ranking_path(), experience_path(), chances_path()}
+    return sorted(found | {path.with_suffix(".yaml") for path in found} | fitted)
 
 
 def _line(key: str, names: tuple[str, str], row: dict) -> dict:

@@ -10,6 +10,7 @@ import yaml
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
+from grasptransfer.camera import Camera
 from grasptransfer.data_files import read_data
 from grasptransfer.errors import SettingsError
 from grasptransfer.perception.several_pictures import seen_from
@@ -63,6 +64,11 @@ def read_photos(folder: Path) -> list[Photo]:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise SettingsError(first["msg"], path=path, key=f"entry {key}") from error
+
+
+def camera_of_photo(photo: Photo) -> Camera:
+    """Intrinsics of the photograph."""
+    return Camera(**photo.camera.model_dump())
 
 
 def given_pose(photo: Photo, folder: Path, given: GivenPoses) -> Float[np.ndarray, "4 4"]:

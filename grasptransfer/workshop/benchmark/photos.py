@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from grasptransfer.camera import Camera
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError, SettingsError
@@ -33,6 +32,7 @@ from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.options import Categories, Said, Together, Told, Weights, name_trained
 from grasptransfer.workshop.benchmark.photo_files import (
     Photo,
+    camera_of_photo,
     given_pose,
     given_poses_of,
     poses_on_file,
@@ -239,7 +239,7 @@ def _observation(photo: Photo, settings: PhotoSettings) -> Observation:
     folder = settings.photos
     pose = given_pose(photo, folder, settings.given)
     about = {
-        "camera": Camera(**photo.camera.model_dump()),
+        "camera": camera_of_photo(photo),
         "box": photo.box,
         "pose_sigma": settings.given.pose_sigma,
     }

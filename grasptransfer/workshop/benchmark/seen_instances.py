@@ -1,6 +1,6 @@
 """Instances whose shape is known, and pictures of them: the input of the benchmarks."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -39,15 +39,20 @@ class Instance:
 
     Args:
         mesh: object frame [m], with its texture.
-        true_field: canonical to instance: exact correspondences of our own shapes, CPD for others.
+        truth: the true field, or what finds it once it is asked for.
         exact: whether the field is exact.
     """
 
     category: Category
     name: str
     mesh: trimesh.Trimesh | trimesh.Scene
-    true_field: DeformationField
+    truth: DeformationField | Callable[[], DeformationField]
     exact: bool = False
+
+    @cached_property
+    def true_field(self) -> DeformationField:
+        """Canonical to instance: exact correspondences of our own shapes, CPD for others."""
+        return self.truth if isinstance(self.truth, DeformationField) else self.truth()
 
     @cached_property
     def solid(self) -> trimesh.Trimesh:
@@ -100,6 +105,11 @@ def _from_folder(category: Category, folder: Path) -> Instance:
     if not files:
         raise MeshError("holds no mesh", path=folder, choices=[f"mesh{suffix}" for suffix in MESH_SUFFIXES])
     mesh = load_mesh(files[0])
+    return Instance(category, folder.name, mesh, lambda: _registered(category, mesh))
+
+
+def _registered(category: Category, mesh: trimesh.Trimesh | trimesh.Scene) -> DeformationField:
+    """CPD's field from the canonical model to another mesh."""
     from grasptransfer.workshop.benchmark.errors_of_shape import outer_surface
 
     space, settings = category.shape_space, category.settings
@@ -107,8 +117,7 @@ def _from_folder(category: Category, folder: Path) -> Instance:
     beta, lam = (category.file.measured.get(key) for key in ("cpd_beta", "cpd_lambda"))
     beta = beta if isinstance(beta, int | float) else settings.beta
     lam = lam if isinstance(lam, int | float) else settings.lam
-    field = cpd(space.control_points, outer_surface(mesh, 2000), beta=beta, lam=lam).field
-    return Instance(category, folder.name, mesh, field)
+    return cpd(space.control_points, outer_surface(mesh, 2000), beta=beta, lam=lam).field
 
 
 def _random(category: Category, name: str) -> Instance:
