@@ -31,12 +31,7 @@ class EstimateStatus(enum.Enum):
     @property
     def refused(self) -> bool:
         """Whether the input is so likely wrong that no grasp may be executed."""
-        return self in (
-            EstimateStatus.NOTHING_SEEN,
-            EstimateStatus.OUT_OF_CATEGORY,
-            EstimateStatus.POSE_TURNED,
-            EstimateStatus.IMPOSSIBLE_SIZE,
-        )
+        return self not in (EstimateStatus.OK, EstimateStatus.NOT_CONVERGED)
 
     @property
     def advice(self) -> str:

@@ -21,6 +21,7 @@ from grasptransfer.perception.signs import Signs
 from grasptransfer.poses import check_in_view
 
 CLEARLY = 1.0  # by so much another reading must be preferred: odds of 3 to 1
+LIKELY = 0.5  # and the chance of a right input that it must have itself
 ASKED = 0.75  # chance of a right input below which other readings are tried although it is accepted
 UPSIDE_DOWN = (
     -0.4
@@ -77,9 +78,11 @@ def reconsider(
     """
     score = estimate.category_score
     assert score is not None
-    settled = estimate.status in (EstimateStatus.OK, EstimateStatus.NOT_CONVERGED)
-    warning = _box_warning(observation, *boxes)
-    by_box = replace(estimate, status=EstimateStatus.BOX_MISPLACED, warning=warning) if warning else estimate
+    settled = not estimate.status.refused
+    warning, contradicts = _box_warning(observation, *boxes)
+    by_box = replace(estimate, warning=warning)
+    if contradicts or (warning and not settled):
+        by_box = replace(by_box, status=EstimateStatus.BOX_MISPLACED)
     several = bool(observation.further) or observation.earlier is not None
     if several or (settled and score >= ASKED and not _upside_down(observation.camera_from_object)):
         return by_box
@@ -93,9 +96,7 @@ def reconsider(
         except PoseError:
             continue
         better = confidence.preference(signs_of_other) - confidence.preference(signs)
-        likely = other.category_score is not None and other.category_score > max(
-            score, confidence.accepted_score
-        )
+        likely = other.category_score is not None and other.category_score > max(score, LIKELY)
         if better > CLEARLY and likely:
             chance = min(score, float(1 / (1 + np.exp(better))))
             return replace(estimate, status=reading.status, warning=reading.sentence, category_score=chance)
@@ -154,29 +155,29 @@ def _box_readings(box: Box) -> dict[str, Box]:
     }
 
 
-def _box_warning(observation: Observation, around: Box, found: Box) -> str | None:
-    """How a box contradicts the pose or what was found, or None.
+def _box_warning(observation: Observation, around: Box, found: Box) -> tuple[str | None, bool]:
+    """How a box contradicts the pose or what was found, or None; and whether one of them must be wrong.
 
     Args:
         around: the canonical model at the given pose [px].
         found: the reconstruction [px].
     """
     if observation.box is None:
-        return None
+        return None, False
     # Detectors cut boxes at the picture's border.
     box, around, found = (_in_picture(one, observation) for one in (observation.box, around, found))
     met = overlap(box, around)
     if met < MISSES:
         for name, read in _box_readings(observation.box).items():
             if overlap(read, around) > FITS:
-                return f"The box would fit the pose if it is {name}."
+                return f"The box would fit the pose if it is {name}.", True
     if met < APART:
-        return "The box does not hold the object at the given pose: one of them is wrong."
+        return "The box does not hold the object at the given pose: one of them is wrong.", True
     # The box of a mask goes round what is seen, which may be a small part.
     if observation.mask is None and overlap(box, found) < OTHER_SIZE:
         times = np.sqrt((box[2] - box[0]) * (box[3] - box[1]) / _area(found))
-        return f"The sides of the box are {times:.1f} times those of the object that was found."
-    return None
+        return f"The sides of the box are {times:.1f} times those of the object that was found.", False
+    return None, False
 
 
 def _in_picture(box: Box, observation: Observation) -> Box:

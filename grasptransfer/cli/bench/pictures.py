@@ -64,9 +64,14 @@ def pose(settings: PoseSettings, results: ResumedResults, write: bool = False) -
     return run(partial(run_pose_benchmark, settings, **results.how(), write=write), results)
 
 
-def refusal(settings: RefusalSettings, results: ResumedResults) -> int:
-    """How often right inputs are refused, and wrong ones noticed, named and kept from the gripper."""
-    return run(partial(run_refusal_benchmark, settings, **results.how()), results)
+def refusal(settings: RefusalSettings, results: ResumedResults, write: bool = False) -> int:
+    """How often right inputs are refused, and wrong ones noticed, named and kept from the gripper.
+
+    Args:
+        write: first fit the verdicts to pictures of random shapes, and to the photographs, and write them
+            beside the weights, with this command and the date.
+    """
+    return run(partial(run_refusal_benchmark, settings, **results.how(), write=write), results)
 
 
 def latency(settings: LatencySettings, results: Results) -> int:

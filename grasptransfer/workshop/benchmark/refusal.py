@@ -16,12 +16,12 @@ from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError, SettingsError
 from grasptransfer.options import check_counts
 from grasptransfer.perception.confidence import WRONG
-from grasptransfer.perception.observation import read_image
 from grasptransfer.transfer import GraspTransfer
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.instance_pool import measure_instances
 from grasptransfer.workshop.benchmark.options import Categories, name_trained
 from grasptransfer.workshop.benchmark.photo_files import Photo, read_photos
+from grasptransfer.workshop.benchmark.refusal_fit import pictured, write_verdicts
 from grasptransfer.workshop.benchmark.refusal_table import summarise
 from grasptransfer.workshop.benchmark.seen_instances import instance_names, load_instance
 from grasptransfer.workshop.training.pictures import picture_of, radius_of
@@ -71,16 +71,21 @@ def run_refusal_benchmark(
     workers: int = 1,
     ledger: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
+    write: bool = False,
 ) -> dict:
     """Every right and every wrong input of every picture, as JSON document.
 
     Args:
         workers: processes; each takes some pictures of one category at a time.
         ledger: file that an interrupted run resumes from.
+        write: first fit the verdicts to as many pictures of random shapes, and to `photos`.
 
     Raises:
         SettingsError: a folder of photographs without any.
     """
+    if write:
+        known = {"photos": settings.photos, "seed": settings.seed + 1}
+        write_verdicts(settings.categories, pictures=settings.pictures, progress=progress, **known)
     pieces = list(_pieces(settings))
     groups = measure_instances(
         measure_piece, settings, pieces, workers=workers, ledger=ledger, progress=progress
@@ -183,9 +188,7 @@ def _of_photos(
             return
         photo = photos[number]
         rng = np.random.default_rng([settings.seed, 9, number, *category.encode()])
-        camera, pose = Camera(**photo.camera.model_dump()), np.array(photo.camera_from_object)
-        assert photo.box is not None
-        seen = Pictured(read_image(settings.photos / photo.image), camera, pose, photo.box)
+        seen = pictured(photo, settings.photos)
         named = photo.category == category
         inputs = (
             (

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, groupby
-from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -12,7 +11,6 @@ from scipy.optimize import minimize
 
 from grasptransfer.drawing.rendering import Renderer
 from grasptransfer.errors import GraspTransferError
-from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.confidence import WRONG, PassWeights, PoseWeights, VerdictWeights
 from grasptransfer.perception.estimate import EstimateStatus
 from grasptransfer.perception.rgb import RgbEstimator
@@ -155,14 +153,6 @@ def see_random_shapes(
     shapes = (draw_training_shape(canonical, instances, rng) for _ in range(pictures))
     drawn = ((shape.scene, shape.vertices) for shape in shapes)
     yield from _see(estimator, drawn, rng, progress=progress)
-
-
-def see_meshes(estimator: RgbEstimator, meshes: Sequence[Path], *, views: int, seed: int) -> Iterator[Seen]:
-    """The same with meshes of real objects, in the category's frame."""
-    rng = np.random.default_rng([seed, 7, *estimator.category.name.encode()])
-    loaded = (load_mesh(path) for path in meshes)
-    drawn = ((mesh, np.asarray(_solid(mesh).vertices)) for mesh in loaded for _ in range(views))
-    yield from _see(estimator, drawn, rng)
 
 
 def see_photographs(estimator: RgbEstimator, photographs: Iterable[Pictured], *, seed: int) -> Iterator[Seen]:
