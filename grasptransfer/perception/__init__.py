@@ -7,7 +7,7 @@
 | `rgb` | the estimator for RGB pictures: zoom, networks, fit |
 | `several_pictures`, `arrangement` | how pictures go together, and what the fit starts from |
 | `networks`, `weights`, `confidence` | the networks, their files, and how far they are trusted |
-| `look`, `signs`, `explanation` | a pass of the network; what speaks for a wrong input, and its likely cause |
+| `look`, `signs`, `explanation` | a pass of the network; signs of a wrong input, and its likely cause |
 | `pose_and_shape`, `picture_evidence`, `silhouette`, `seen_surface` | the joint fit of poses and latent |
 | `pose_prior`, `earlier_pictures`, `standing` | known besides: given poses, earlier pictures, a plane |
 | `rgbd`, `baselines` | estimators with depth, and what methods are compared with |

@@ -20,7 +20,7 @@ from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.signs import Signs
 from grasptransfer.poses import check_in_view
 
-CLEARLY = 1.0  # by so much another reading must be preferred: odds of 3 to 1
+CLEARLY = 2.0  # by so much another reading must be preferred: odds of 7 to 1, as a dozen are tried
 LIKELY = 0.5  # and the chance of a right input that it must have itself
 ASKED = 0.75  # chance of a right input below which other readings are tried although it is accepted
 UPSIDE_DOWN = (
@@ -134,7 +134,7 @@ def _other_readings(observation: Observation, around: Box, *, turned: bool) -> I
         "inverted, in OpenGL's axes.": invert(pose @ OPENGL_FROM_OPENCV),
     }
     for name, wrong in conventions.items():
-        if _in_view(wrong, observation):
+        if _in_box(wrong, observation):
             sentence = f"{better} if the pose is {name}"
             read = replace(observation, camera_from_object=wrong)
             yield Reading(EstimateStatus.POSE_TURNED, sentence, read)
@@ -191,9 +191,13 @@ def _area(box: Box) -> float:
     return max((box[2] - box[0]) * (box[3] - box[1]), 1.0)
 
 
-def _in_view(pose: Float[np.ndarray, "4 4"], observation: Observation) -> bool:
+def _in_box(pose: Float[np.ndarray, "4 4"], observation: Observation) -> bool:
+    """Whether the object is in view at a pose, and its origin in the box, if one was given."""
     try:
         check_in_view(pose, observation.camera)
     except PoseError:
         return False
-    return True
+    if observation.box is None:
+        return True
+    u, v = observation.camera.project(pose[:3, 3])
+    return bool(observation.box[0] < u < observation.box[2] and observation.box[1] < v < observation.box[3])
