@@ -58,7 +58,7 @@ class Camera:
         """Centred camera with square pixels.
 
         Args:
-            width, height: of the picture [px].
+            width, height: size of the picture [px].
             horizontal_fov: radians between the outer edges of the first and last column.
 
         Raises:
@@ -100,7 +100,7 @@ class Camera:
         """Read a camera file; `camera_files` lists the formats. A photograph gives its EXIF focal length.
 
         Args:
-            path: of the file.
+            path: path of the file.
             size: width and height of the picture [px], for files that do not say it.
             image: the picture; its name selects the entry of a file of many pictures.
 

@@ -55,7 +55,7 @@ def read_intrinsics(path: str | Path, *, image: str | Path | None = None) -> Int
     """Read a camera file in any of the formats of this module's table.
 
     Args:
-        path: of the file.
+        path: path of the file.
         image: the picture; its name selects the entry of a file of many pictures.
 
     Raises:

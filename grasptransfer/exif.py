@@ -11,7 +11,7 @@ def focal_length(exif: Image.Exif, size: tuple[int, int]) -> tuple[float, str] |
     """Focal length [px] of a photograph that was not cropped, and by what; good to a few percent.
 
     Args:
-        exif: of the photograph.
+        exif: EXIF data of the photograph.
         size: its width and height [px].
 
     Returns:

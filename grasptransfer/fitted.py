@@ -28,7 +28,7 @@ class Fit(Strict):
 
     Args:
         command: that wrote them, or a sentence on how they were chosen.
-        date: of that day, year-month-day.
+        date: date of the fit, year-month-day.
         values: each number by its name.
         fitted_to: checksum of the trained network that they belong to, where they belong to one.
     """
@@ -59,7 +59,7 @@ def read_fits(
     """The blocks of a file of fitted numbers.
 
     Args:
-        names: the blocks that the file must hold, and the values of each.
+        names: the blocks that the file must hold, and for each block the names of its values.
 
     Raises:
         error: the file is missing or unreadable, or lacks a block or value or holds an unknown one.

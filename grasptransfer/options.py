@@ -31,11 +31,11 @@ def check_counts(settings: object, *names: str, least: int = 1) -> None:
     """Refuse counts that are too small, and a seed that no random generator takes.
 
     Args:
-        settings: whose fields are looked at; its `seed` too, where it has one.
-        names: of the fields.
+        settings: the settings whose fields are checked, and their `seed`, where they have one.
+        names: names of the fields.
 
     Raises:
-        SettingsError: with name and value of the field.
+        SettingsError: a count below 1, with name and value of the field.
     """
     for name in names:
         value = getattr(settings, name)

@@ -23,7 +23,7 @@ def entry_of(
         data: content of the file: one entry, a list of one, a list of entries with `image`, picture name ->
             entry, BOP's number of picture -> entry or list, or `transforms.json` with its `frames`, whose
             other keys hold for every picture.
-        path: of the file.
+        path: path of the file.
         image: the picture, whose name selects among several; None: the file must hold one picture only.
         error: the kind to raise.
 

@@ -49,7 +49,7 @@ def read_pose(path: str | Path, *, image: str | Path | None = None) -> PoseFile:
     """Read a pose file in any of the formats of `pose_formats`.
 
     Args:
-        path: of the file.
+        path: path of the file.
         image: the picture; its name selects the entry of a file of many pictures.
 
     Raises:
@@ -96,7 +96,7 @@ def covariance_of(
     Args:
         pose_sigma: 0: the pose is exact; (translation [m], rotation [deg]): standard deviations along and
             about each axis; a (6, 6) covariance, turn then shift (`frames.drift`); None: nothing is known.
-        key, path: where it was given, for the error.
+        key, path: place where it was given, for the error.
 
     Returns:
         (6, 6), or None where `pose_sigma` is None.

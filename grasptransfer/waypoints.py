@@ -51,7 +51,7 @@ def waypoints(
         frame: name of the frame that the poses are in.
         frame_from_gripper: the grasp, the TCP's pose [m].
         up: unit vector in that frame, along which the object is lifted.
-        approach_distance: of the straight way in [m].
+        approach_distance: length of the straight way in [m].
         opening, width: distance between the pads on the way in and when they touch [m].
     """
     before, after = frame_from_gripper.copy(), frame_from_gripper.copy()
@@ -68,7 +68,7 @@ def moveit_grasp(
     Args:
         name: `id` of the message.
         score: its `grasp_quality`, the expected success.
-        steps: of the grasp.
+        steps: waypoints of the grasp.
         gripper: `grasp_pose` is that of its base link, which the wrist carries, not of the TCP.
         frame_id: name of `steps.frame` in the robot's tf tree; None: that name itself.
     """

@@ -48,8 +48,8 @@ class GraspDocument:
         """Write the file; where there was one, comments, order and style stay, and a copy `.bak` is kept.
 
         Args:
-            grasps: by name, in order.
-            renamed: name in the file of each grasp that has another one now, by its name now.
+            grasps: the grasps by name, in order.
+            renamed: for each grasp whose name has changed, its name in the file, by its present name.
 
         Raises:
             SettingsError: the folder cannot be written.

@@ -16,10 +16,10 @@ def changed_text(
     """The text of a grasp file with other grasps in it.
 
     Args:
-        text: of the file as it is, a valid grasp file.
+        text: text of the file as it is, a valid grasp file.
         block: wanted content of its `grasptransfer` block.
         grasps: wanted entries by name; None leaves an entry as it is. Only values that differ change.
-        renamed: former name of each grasp that has another one now, by its name now.
+        renamed: for each grasp whose name has changed, its former name, by its present name.
     """
     yaml = YAML(typ="rt")
     yaml.preserve_quotes, yaml.width = True, LINE

@@ -221,7 +221,7 @@ class Session:
         self.unsaved = True
 
     def measure(self, name: str) -> Measurement:
-        """Close the pads and check the gripper's way to a grasp; it counts as looked at from then on."""
+        """Close the pads and check the gripper's way to a grasp; it counts as seen from then on."""
         found = self.measurer.measure(self.grasp(name))
         self._unseen.discard(name)
         return found
@@ -233,7 +233,7 @@ class Session:
             refused: save grasps that fail their check, too.
 
         Raises:
-            GraspFileError: there is no grasp, one of another canonical model that nobody looked at, or one
+            GraspFileError: there is no grasp, one of another canonical model that nobody has seen, or one
                 that fails its check where those are not asked for.
             SettingsError: the folder cannot be written.
         """

@@ -34,7 +34,7 @@ class Category:
     Each file is read when first asked for, and its checksum compared.
 
     Args:
-        name: as in `category.yaml`.
+        name: name in `category.yaml`.
         folder: that holds it.
         file: the contents of `category.yaml`.
     """

@@ -59,12 +59,12 @@ class Settings(_Strict):
         beta: width of the kernel, in units of the control points' RMS radius.
         lam: smoothness of CPD, or of the fit through known correspondences; written `lambda`.
         modes: number of modes of the shape space.
-        flexibility: of the smooth modes among them, which come last: standard deviation along each axis, in
-            RMS radii; 0 where all are learnt.
+        flexibility: standard deviation along each axis that the smooth modes add, which come last, in RMS
+            radii; 0 where all are learnt.
         metric: scalar product in which its principal components are taken.
         correspondences: "cpd" (registered), or "exact" (known from a parametric model).
-        outlier_weight: of CPD, in [0, 1).
-        control_points: how many there are.
+        outlier_weight: outlier weight of CPD, in [0, 1).
+        control_points: number of control points.
         voxel: edge of the voxel filter of the control points [m].
         samples: shapes behind the shape space; more than the train instances for a parametric model.
     """
@@ -89,7 +89,7 @@ class CategoryFile(_Strict):
             times the volume where nobody knows it better.
         measured: figures of the build, by name with their unit, such as `heldout_rms_mm`.
         checksums: sha256 of each file of the folder but this one and `grasps.yaml`, by relative path.
-        versions: of the software that built it.
+        versions: versions of the software that built it.
     """
 
     format: Literal["grasptransfer_category"] = "grasptransfer_category"

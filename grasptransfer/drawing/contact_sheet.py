@@ -59,7 +59,7 @@ def contact_sheet(
     Args:
         scenes: object frame, metres.
         views: azimuth about z from +x, and elevation [degrees].
-        side: of one picture [px].
+        side: side of one picture [px].
     """
     pictures = [
         np.concatenate([portrait(scene, renderer, side, view=view) for view in views], axis=1)

@@ -25,7 +25,7 @@ def sheet(
     """Pictures side by side.
 
     Args:
-        pictures: in the order of reading.
+        pictures: the pictures, in the order of reading.
         columns: pictures in a row.
         captions: text below each picture; none given: no space for it.
         heads: text above each column; none given: no space for it.

@@ -136,7 +136,7 @@ def hidden_view(
     """The side that the photograph does not show: the camera carried round the upright object.
 
     Args:
-        turn: how far round [rad].
+        turn: angle of the camera about the scene [rad].
     """
     to_camera = invert(camera_from_object)[:3, 3]
     azimuth = np.arctan2(to_camera[1], to_camera[0]) + turn

@@ -12,7 +12,7 @@ def sphere_views(distance: float) -> Float[np.ndarray, "74 4 4"]:
     """`camera_from_object` of 74 cameras on a tessellated sphere that look at the object's origin.
 
     Args:
-        distance: from the camera to the origin [m].
+        distance: distance from the camera to the origin [m].
     """
     elevations = np.linspace(-np.pi / 2, np.pi / 2, RINGS + 2)[1:-1]
     azimuths = np.arange(MERIDIANS) * (2 * np.pi / MERIDIANS)
@@ -27,9 +27,9 @@ def look_at(
     """`camera_from_object` of a camera that looks at the object's origin, the object upright in it.
 
     Args:
-        distance: from camera to origin [m].
-        azimuth: of the camera about the object's z axis, 0 in front (+x) [rad].
-        elevation: of the camera above the object's xy plane [rad].
+        distance: distance from camera to origin [m].
+        azimuth: azimuth of the camera about the object's z axis, 0 in front (+x) [rad].
+        elevation: elevation of the camera above the object's xy plane [rad].
         roll: turn of the picture about the optical axis [rad].
     """
     to_camera = np.array(

@@ -34,7 +34,7 @@ def align(
         target: (m, 3) [m], any frame.
         kind: "none" (the identity), "rigid", "similarity" or "affine".
         outlier_weight: share of target points without counterpart.
-        backend, threads: of the E-step, as of `cpd`.
+        backend, threads: backend and threads of the E-step, as for `cpd`.
     """
     if kind == "none":
         return np.eye(4)

@@ -41,8 +41,8 @@ def check_points(points, name: str, *, fewest: int = 0) -> Float[np.ndarray, "m 
 
     Args:
         points: anything numpy reads as an (m, 3) array of numbers.
-        name: of the argument, for the error.
-        fewest: how many points are needed.
+        name: name of the argument, for the error.
+        fewest: number of points that are needed.
 
     Raises:
         PointCloudError: not numbers, not (m, 3), not finite, or too few.
@@ -74,7 +74,7 @@ def check_cloud(points, name: str) -> Float[np.ndarray, "m 3"]:
     """Return `points` as `check_points` does, refusing clouds without any extent.
 
     Raises:
-        PointCloudError: as `check_points`; fewer than two points, or all in one place.
+        PointCloudError: what `check_points` refuses; fewer than two points, or all in one place.
     """
     array = check_points(points, name, fewest=2)
     if not np.ptp(array, axis=0).max() > 0:

@@ -81,7 +81,7 @@ def cpd(
         outlier_weight: share of target points without counterpart, 0 <= w < 1, or "estimate": as the data
             say, from two starts.
         tolerance: stop once sigma^2 changes by less, normalised; 0 runs all iterations.
-        max_iterations: of EM, from each start.
+        max_iterations: most iterations of EM, from each start.
         align_first: "none", "rigid", "similarity" or "affine": remove such a motion of the whole
             cloud first (`CpdResult.target_from_source`); the field is what remains.
         correspondences: (c, 2) known pairs: index of a source point, index of a target point.
@@ -90,7 +90,7 @@ def cpd(
         target_traits: (m, t) the same of the target points.
         trait_std: how much the traits of matching points differ.
         backend: "auto", "compiled" (numba) or "numpy": same results.
-        threads: of the E-step; None takes the available cores.
+        threads: threads of the E-step; None takes the available cores.
         callback: is called after each iteration; returning True stops the registration.
         strict: raise when the iteration limit is hit.
 
@@ -125,13 +125,13 @@ def cpd_all(
     """Register one prepared source to many targets in parallel, in their order.
 
     Args:
-        source: used for all of them.
-        targets: (m, 3) each [m], as of `cpd`.
+        source: the source of all of them.
+        targets: clouds (m, 3) [m], as for `cpd`.
         workers: registrations that run at once, each in one thread.
-        options: of `cpd`.
+        options: options of `cpd`.
 
     Raises:
-        PointCloudError, SettingsError, NotSucceeded: of the first target that `cpd` raises it for.
+        PointCloudError, SettingsError, NotSucceeded: what `cpd` raises for the first target that fails.
     """
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(lambda target: cpd(source, target, threads=1, **options), targets))

@@ -23,7 +23,7 @@ class CpdStatus(enum.Enum):
         """One sentence for the user."""
         return {
             CpdStatus.CONVERGED: "The variance settled: the field can be used.",
-            CpdStatus.VARIANCE_FLOOR: "The clouds coincide as far as float32 tells: the field can be used.",
+            CpdStatus.VARIANCE_FLOOR: "The clouds coincide as far as float32 can show: the field can be used.",
             CpdStatus.ITERATION_LIMIT: (
                 "The variance was still changing at the iteration limit: raise max_iterations or tolerance."
             ),
@@ -36,7 +36,7 @@ class CpdProgress:
     """What a callback is given after each iteration.
 
     Args:
-        iteration: from 1.
+        iteration: number of the iteration, from 1.
         moved: (n, 3) source points where they are now, source frame [m].
         variance: sigma^2 [m^2].
         objective: penalised negative log-likelihood before this iteration's M-step.
@@ -53,16 +53,16 @@ class CpdResult:
     """A registration of a source to a target.
 
     Args:
-        field: source to (aligned) target [m].
+        field: field from the source to the (aligned) target [m].
         status: outcome, with advice.
-        iterations: of EM.
+        iterations: number of iterations of EM.
         variance: sigma^2 at the end [m^2].
-        variance_floor: below which sigma^2 was not let [m^2].
+        variance_floor: least value that sigma^2 was allowed [m^2].
         objective_history: penalised negative log-likelihood before each M-step; never rises.
         source_support: (n,) how many target points belong to each source point.
         target_inlier: (m,) probability of each target point to belong to the source at all.
         matched_targets: (n, 3) mean of the target points that belong to each source point, source frame [m].
-        outlier_weight: given, or as estimated.
+        outlier_weight: share of target points without counterpart, as given or estimated.
         target_from_source: (4, 4) affine pre-alignment; the identity without.
     """
 

@@ -41,7 +41,7 @@ class Expectation:
         moment: (n, 3) P X, sum of the target points that do, each by its share.
         inlier: (m,) P^T 1, probability of each target point to belong to the source at all.
         squared: sum of P_nm |x_m - T(y_n)|^2.
-        log_likelihood: of the target, but for a constant that EM adds.
+        log_likelihood: log-likelihood of the target, but for a constant that EM adds.
     """
 
     support: Float[np.ndarray, "n"]
@@ -65,7 +65,7 @@ class EStep:
     Args:
         target: (m, 3) normalised.
         source_count: n; source points must come in `spatial_order(points, BLOCK)`.
-        traits: of source (in that order) and target.
+        traits: traits of source (in that order) and target.
         backend: "compiled", "numpy", or "auto": compiled where numba is installed.
         threads: at most this many; None takes the cores that this process may use.
     """
@@ -174,7 +174,7 @@ def log_outlier_term(weight: float, variance: float, *, source: int, volume: flo
     Args:
         weight: share of target points without counterpart, 0 <= w < 1.
         variance: sigma^2, normalised.
-        source: how many points the source has.
+        source: number of source points.
         volume: over which points without counterpart are spread, normalised; the paper takes the number of
             target points.
     """

@@ -1,4 +1,4 @@
-"""The E-step with NumPy alone: chunks of targets against the source points in their reach.
+"""The E-step with NumPy alone: chunks of targets against the source points near enough to matter.
 
 Each chunk holds one array of pairs and goes over it as few times as it can: exponents come from one
 matrix product, already shifted by the bound of each target's nearest distance.

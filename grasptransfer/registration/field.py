@@ -44,7 +44,7 @@ class DeformationField:
         weights: (n, 3) W, normalised units.
         beta: width of the Gaussian kernel, normalised units.
         centre: (3,) of the normaliser, canonical frame [m].
-        scale: of the normaliser, usually the RMS radius of the control points [m].
+        scale: scale of the normaliser, usually the RMS radius of the control points [m].
 
     Raises:
         PointCloudError: arrays of the wrong shape or not finite.

@@ -44,7 +44,7 @@ class FieldMetric:
 
         Args:
             features: (d,) one coordinate after the other for each point.
-            noise: variance of each; 0 for features of a smooth field.
+            noise: variance of each feature; 0 for features of a smooth field.
         """
         features = features.reshape(-1, 3)
         if self.kind == "W":

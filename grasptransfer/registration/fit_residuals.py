@@ -41,10 +41,10 @@ class Posed:
     """Model points as a function of the state.
 
     Args:
-        points_canonical: (p, 3) [m].
-        model: of their displacement by the latent.
+        points_canonical: (p, 3) model points [m].
+        model: their displacement by the latent.
         initial: (4, 4) pose that the state corrects.
-        prior: of the correction; None keeps the pose.
+        prior: prior of the correction; None keeps the pose.
     """
 
     points_canonical: Float[np.ndarray, "p 3"]
@@ -141,7 +141,7 @@ class FitResiduals:
     """What `scipy.optimize.least_squares` minimises.
 
     Args:
-        observed: (m, 3) [m].
+        observed: (m, 3) observed points [m].
         noise: standard deviation of the matches [m].
         robust_scale: residuals beyond this many of them count less and less (Cauchy).
         visible: (p,) model points that should have an observed counterpart; None asks it of none.
@@ -182,7 +182,7 @@ class FitResiduals:
         return np.concatenate([rows, np.diag(self.posed.root_precision)])
 
     def information(self, state: Float[np.ndarray, "s"]) -> Float[np.ndarray, "s s"]:
-        """Inverse covariance of the state: each match tells three coordinates, far ones less."""
+        """Inverse covariance of the state: each match gives three coordinates, and a far one counts less."""
         differences, chosen, weights = self._matches(state)
         squared = np.square(self._slide(differences) / self.noise / self.robust_scale).sum(1)
         weights = weights / self.noise / np.sqrt(1 + squared)

@@ -33,7 +33,7 @@ from grasptransfer.registration.fit_residuals import FitResiduals, GaussianPoseP
 from grasptransfer.registration.shape_space import ShapeSpace
 from grasptransfer.registration.visibility import visible_points
 
-STAGES = 3  # of EM; visibility is looked up at the start of each
+STAGES = 3  # of EM; visibility is computed at the start of each
 STAGE_ITERATIONS = 15
 SETTLED = 0.03  # largest step, in standard deviations of the prior, after which least squares takes over
 OUTLIER_WEIGHT = 0.02
@@ -66,11 +66,11 @@ class LatentFit:
         joint_covariance: (6 + k, 6 + k) posterior covariance of turn about the refined object's origin [rad]
             and shift [m], both along the given object axes, and latent; 0 for a pose that was kept.
         given_from_refined: (4, 4) points of the refined object frame in the frame of the cloud.
-        residual_rms: of the observed points to their nearest model points [m].
-        noise_std: of the matches, as estimated [m].
+        residual_rms: root mean square distance of observed points to their nearest model points [m].
+        noise_std: standard deviation of the matches, as estimated [m].
         cost: half the robust squared residuals and the prior's: a negative log posterior.
         status: outcome, with advice.
-        iterations: of the least squares.
+        iterations: number of iterations of the least squares.
     """
 
     latent: Float[np.ndarray, "k"]

@@ -16,7 +16,7 @@ class LatentPosterior:
     Args:
         mean: (k,) most likely latent.
         covariance: (k, k) how unsure it is.
-        residual_rms: of the displacements that the space cannot explain [m].
+        residual_rms: root mean square of the displacements that the space cannot explain [m].
     """
 
     mean: Float[np.ndarray, "k"]
@@ -33,7 +33,7 @@ class LatentPosterior:
         """The posterior of x ~ N(0, I), given displacements = mean + basis x + noise.
 
         Args:
-            model: of the m points, as of `ShapeSpace.displacement_model`.
+            model: displacement of the m points, from `ShapeSpace.displacement_model`.
             displacements: (m, 3) what was seen [m].
             noise_std: standard deviation of its errors, per coordinate; one for all or (m,) [m].
 

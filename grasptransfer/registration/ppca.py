@@ -28,7 +28,7 @@ class ClosedForm:
 
     Args:
         combinations: (k, i) loading = combinations @ (features - mean).
-        variances: (k,) of the data along each mode.
+        variances: (k,) variance of the data along each mode.
         noise_variance: mean variance of the directions left out.
     """
 
@@ -42,10 +42,10 @@ class ExpectationMaximisation:
     """Result of `fit_em`: the model itself.
 
     Args:
-        mean: (d,) of the data.
+        mean: (d,) mean of the data.
         loading: (k, d) modes, one standard deviation long, longest first.
-        variances: (k,) of the data along each mode.
-        noise_variance: of what the modes leave out, of each entry.
+        variances: (k,) variance of the data along each mode.
+        noise_variance: variance, in each entry, of what the modes leave out.
     """
 
     mean: Float[np.ndarray, "d"]
@@ -103,8 +103,8 @@ def fit_em(
     Args:
         features: (i, d) training vectors.
         n_modes: k, as of `count_modes`.
-        observed: (i, d) entries to believe; the others are never looked at. None: all.
-        seed: of the first guess.
+        observed: (i, d) entries to believe; the others do not count. None: all of them.
+        seed: seed of the first guess.
     """
     size = features.shape[1]
     seen = np.ones_like(features) if observed is None else observed.astype(float)

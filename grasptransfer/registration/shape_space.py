@@ -52,13 +52,13 @@ class ShapeSpace:
     Args:
         control_points: (n, 3) canonical [m].
         beta: kernel width, normalised units.
-        centre: (3,) of the normaliser [m].
-        scale: of the normaliser [m].
+        centre: (3,) centre of the normaliser [m].
+        scale: scale of the normaliser [m].
         mean: (n, 3) weights of the mean shape, normalised.
         basis: (k, n, 3) weights of each mode at one standard deviation, normalised.
         variances: (k,) variance of the training data along each mode, in the metric.
-        noise_variance: per coordinate, of what the modes leave out, in the metric.
-        metric: in what PCA measured the fields: "GW", "G" or "W".
+        noise_variance: variance per coordinate of what the modes leave out, in the metric.
+        metric: the metric in which PCA measured the fields: "GW", "G" or "W".
     """
 
     control_points: Float[np.ndarray, "n 3"]

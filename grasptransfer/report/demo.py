@@ -42,16 +42,16 @@ def run_demo(
     camera = Camera.load(folder / "camera.yaml")
     flow = GraspTransfer(category, estimator=estimator, seed=seed)
     on_stage("transferring grasps to the mug in the picture")
-    told = {"camera": camera, "mask": _told(folder / "box.yaml", "box")}
-    result = flow.transfer(folder / "picture.png", load_pose(folder / "pose.yaml"), **told)
+    known = {"camera": camera, "mask": _known(folder / "box.yaml", "box")}
+    result = flow.transfer(folder / "picture.png", load_pose(folder / "pose.yaml"), **known)
     on_stage(f"{len(result.usable)} of {len(result.grasps)} grasps pass the checks; executing the best")
-    true_mesh = category.instance_mesh(_told(folder / "truth.yaml", "instance"))
+    true_mesh = category.instance_mesh(_known(folder / "truth.yaml", "instance"))
     trials = execute_best(result, true_mesh, load_pose(folder / "truth.yaml"), most=EXECUTED, seed=seed)
     on_stage("writing the report")
     return write_outcome(result, trials, true_mesh, Path(out))
 
 
-def _told(path: Path, key: str):
+def _known(path: Path, key: str):
     data = read_yaml(path, error=CategoryError)
     if key not in data:
         raise CategoryError("is missing", path=path, key=key)

@@ -39,7 +39,7 @@ class DecompositionSettings:
 
     Args:
         concavity: CoACD's threshold, a share of the piece's half extent: 2 mm on a mug.
-        simplification: how far simplification may move the surface before the decomposition [m].
+        simplification: distance by which simplification may move the surface before the decomposition [m].
         convex_excess: a piece whose hull is larger by less than this share is convex.
         part_vertices: most vertices of a part.
         iterations, depth, nodes, resolution: effort of CoACD's search; CoACD's defaults take ten times as
