@@ -23,7 +23,7 @@ class CpdStatus(enum.Enum):
         """One sentence for the user."""
         return {
             CpdStatus.CONVERGED: "The variance settled: the field can be used.",
-            CpdStatus.VARIANCE_FLOOR: "The clouds coincide as far as float32 can show: the field can be used.",
+            CpdStatus.VARIANCE_FLOOR: "The clouds coincide as far as float32 shows: the field can be used.",
             CpdStatus.ITERATION_LIMIT: (
                 "The variance was still changing at the iteration limit: raise max_iterations or tolerance."
             ),
