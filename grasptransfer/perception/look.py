@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 from grasptransfer.camera import Camera
 from grasptransfer.perception.canonical_view import CanonicalView
-from grasptransfer.perception.networks import LATENT_SIZE, Prediction
+from grasptransfer.perception.network_input import view_from_object
+from grasptransfer.perception.networks import FLOW_UNIT, LATENT_SIZE, OFFSET_UNIT, Prediction
 from grasptransfer.perception.picture_evidence import LatentPrior, Motion
 from grasptransfer.perception.signs import PassSigns
 
@@ -17,13 +18,13 @@ class Look:
     """One pass of the network over the zoomed picture.
 
     Args:
-        camera: of the zoomed picture.
+        camera: camera of the zoomed picture.
         view: the model as assumed: pose and latent.
         motion: predicted motion of its visible cells from the canonical model.
         latent: what the picture as a whole says of the latent.
         object_probability: (h / 4, w / 4) of the zoomed picture: as given, else as predicted.
-        signs: of a wrong input.
-        structure: how much the picture shows at all there, as of `signs.structure_of`.
+        signs: signs of a wrong input.
+        structure: how much the picture shows at all there, from `signs.structure_of`.
     """
 
     camera: Camera
@@ -33,6 +34,21 @@ class Look:
     object_probability: Float[np.ndarray, "hh hw"]
     signs: PassSigns
     structure: float
+
+
+def predicted_motion(
+    prediction: Prediction, view: CanonicalView, camera_from_object: Float[np.ndarray, "4 4"]
+) -> Motion:
+    """Where the points seen in the cells of a view are on the object and in its zoomed picture."""
+    offset, offset_scale, flow, flow_scale = (
+        part[0][:, view.cell_mask].T.astype(float) for part in prediction[:4]
+    )
+    return Motion(
+        view.cell_places - view.cell_points + offset * OFFSET_UNIT @ view_from_object(camera_from_object),
+        np.exp(np.clip(offset_scale[:, 0], -5, 3)) * OFFSET_UNIT,
+        view.cell_pixels + flow * FLOW_UNIT,
+        np.exp(np.clip(flow_scale[:, 0], -5, 3)) * FLOW_UNIT,
+    )
 
 
 def latent_prior(

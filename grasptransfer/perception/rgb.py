@@ -18,14 +18,13 @@ from grasptransfer.perception.arrangement import Arrangement, arrange
 from grasptransfer.perception.canonical_view import view_canonical
 from grasptransfer.perception.estimate import EstimateStatus, ShapeEstimate
 from grasptransfer.perception.explanation import reconsider
-from grasptransfer.perception.look import Look, latent_prior
-from grasptransfer.perception.network_input import network_input, view_from_object, zoom_for
+from grasptransfer.perception.look import Look, latent_prior, predicted_motion
+from grasptransfer.perception.network_input import network_input, zoom_for
 from grasptransfer.perception.networks import (
     FLOW_UNIT,
-    OFFSET_UNIT,
 )
 from grasptransfer.perception.observation import Observation
-from grasptransfer.perception.picture_evidence import Motion, Outline, PictureEvidence
+from grasptransfer.perception.picture_evidence import Outline, PictureEvidence
 from grasptransfer.perception.pose_and_shape import PoseAndShape, fit_pose_and_shape
 from grasptransfer.perception.seen_surface import ShapedModel
 from grasptransfer.perception.several_pictures import PicturePlace
@@ -87,7 +86,7 @@ class RgbEstimator:
         given = arrange(observation, self._vertices, refine=self.refine_pose)
         poses, latent = given.start, given.latent(self.category.shape_space.n_modes)
         first: list[Look] | None = None
-        astray = False
+        lost = False
         # The second pass compares the pictures with what the first one made of them.
         for number in range(LOOKS):
             try:
@@ -95,25 +94,16 @@ class RgbEstimator:
             except PoseError:
                 if number == 0:
                     raise
-                astray = True  # the fit has lost the object: its answer stands, marked as unsettled
+                lost = True  # the fit has lost the object: its answer stands, marked as unsettled
                 break
             first = looks if first is None else first
             clock.lap("network")
             evidence = [self._evidence(look) for look in looks]
-            with single_blas_thread():
-                fit = fit_pose_and_shape(
-                    evidence,
-                    poses,
-                    given.priors,
-                    places=given.places,
-                    earlier=given.earlier,
-                    standing=self._standing(observation.support),
-                    overconfidence=given.overconfidence,
-                )
+            fit = self._fit(evidence, poses, given=given, support=observation.support)
             poses, latent = fit.poses, fit.latent
             clock.lap("fit")
         signs = self._signs(first or looks, looks, evidence, fit=fit, given=given)
-        status, score = self.confidence.judge(signs, settled=fit.converged and not astray)
+        status, score = self.confidence.judge(signs, settled=fit.converged and not lost)
         if max(look.structure for look in looks) < LEAST_STRUCTURE:
             status, score = EstimateStatus.NOTHING_SEEN, 0.0
         clock.lap("score")
@@ -144,6 +134,26 @@ class RgbEstimator:
         start = arrange(observation, self._vertices, refine=self.refine_pose).start[0]
         return self.confidence.preference(self.look(observation, start, latent).signs)
 
+    def _fit(
+        self,
+        evidence: list[PictureEvidence],
+        poses: tuple[Float[np.ndarray, "4 4"], ...],
+        *,
+        given: Arrangement,
+        support: Support | None,
+    ) -> PoseAndShape:
+        """Shape and poses that explain the evidence, from these poses on."""
+        with single_blas_thread():
+            return fit_pose_and_shape(
+                evidence,
+                poses,
+                given.priors,
+                places=given.places,
+                earlier=given.earlier,
+                standing=self._standing(support),
+                overconfidence=given.overconfidence,
+            )
+
     def _signs(
         self,
         first: list[Look],
@@ -153,7 +163,7 @@ class RgbEstimator:
         fit: PoseAndShape,
         given: Arrangement,
     ) -> Signs:
-        """Of several pictures the means."""
+        """Signs of a wrong input: the means over several pictures."""
         vertices = self._model.vertices(fit.latent)
         sides = np.ptp(vertices, axis=0) / np.ptp(self._vertices, axis=0)
         drifted = drift_of(given.start[0], fit.camera_from_object, given.priors[0])
@@ -200,23 +210,17 @@ class RgbEstimator:
                 value=f"depth of its nearest point {nearest:.3f} m",
             )
         model_box = projected_box(vertices, observation.camera, camera_from_object)
-        crop, told = zoom_for(model_box, observation.box)
+        crop, given_box = zoom_for(model_box, observation.box)
         camera = zoom_camera(observation.camera, crop)
         view = view_canonical(self.category.canonical, camera, camera_from_object, vertices=vertices)
         if len(view.cell_points) < FEWEST_CELLS:
             raise PoseError("the canonical model is not visible at this pose", key="pose")
         picture = zoom_picture(observation.image, crop)
-        prediction = self.network(network_input(picture[None], told[None], view.coordinates[None]))
-        offset, offset_scale, flow, flow_scale = (
-            part[0][:, view.cell_mask].T.astype(float) for part in prediction[:4]
-        )
-        motion = Motion(
-            view.cell_places - view.cell_points + offset * OFFSET_UNIT @ view_from_object(camera_from_object),
-            np.exp(np.clip(offset_scale[:, 0], -5, 3)) * OFFSET_UNIT,
-            view.cell_pixels + flow * FLOW_UNIT,
-            np.exp(np.clip(flow_scale[:, 0], -5, 3)) * FLOW_UNIT,
-        )
+        prediction = self.network(network_input(picture[None], given_box[None], view.coordinates[None]))
+        motion = predicted_motion(prediction, view, camera_from_object)
         probability = expit(prediction.mask_logit[0, 0])
+        assert prediction.flow_spread is not None
+        assert prediction.mask_spread is not None
         prior = latent_prior(prediction, latent, self.confidence.latent_overconfidence)
         signs = signs_of_pass(
             view,
@@ -232,8 +236,7 @@ class RgbEstimator:
         return Look(camera, view, motion, prior, probability, signs, structure_of(observation.image, crop))
 
     def _outline(self, look: Look) -> Outline:
-        """What the reconstruction's outline has to meet in this look."""
-
+        """What the reconstruction's outline has to meet in this picture."""
         faces = np.asarray(self.category.canonical.faces)
 
         def draw(vertices, pose):

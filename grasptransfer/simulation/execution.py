@@ -96,27 +96,31 @@ def simulate(
     check_seed(seed)
     _check_numbers(trials=trials, workers=workers, frames=frames, friction=friction)
     _check_numbers(mass=mass, density=density, force=force, trial_limit=trial_limit)
-    if mass is not None and density is not None:
-        raise SettingsError("is given beside mass", key="density", value=density, fix="Give one of them")
+    _check_one_of(mass, density)
     if perturb is not None:
         check_perturbation(perturb)
     if len(grasps) == 0:
         return []
     gripper = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
     hand = hand_of(gripper)
-    body = body_of(mesh, chosen, density=density)
-    setup = Setup(body, hand, chosen, engine)
-    conditions = Conditions(
-        friction=chosen.friction if friction is None else float(friction),
-        mass=setup.body.mass if mass is None else float(mass),
-        force=min(chosen.grip_force if force is None else float(force), hand.force_limit),
-    )
+    setup = Setup(body_of(mesh, chosen, density=density), hand, chosen, engine)
+    conditions = _conditions(setup, friction, mass, force)
     perturb = chosen.perturbation if perturb is None and trials > 1 else perturb
     jobs = make_jobs(
         grasps, gripper, conditions, trials=trials, perturb=perturb, seed=seed, frames=frames or 0.0
     )
     run = partial(run_trials, setup, workers=workers, cluster=cluster, limit=trial_limit)
     return _resumed(setup, jobs, run, results_path=results_path, anew=bool(frames), on_trial=on_trial)
+
+
+def _conditions(setup: Setup, friction: float | None, mass: float | None, force: float | None) -> Conditions:
+    """Conditions as given, or else as protocol, body and hand say."""
+    protocol = setup.protocol
+    return Conditions(
+        friction=protocol.friction if friction is None else float(friction),
+        mass=setup.body.mass if mass is None else float(mass),
+        force=min(protocol.grip_force if force is None else float(force), setup.hand.force_limit),
+    )
 
 
 def _resumed(
@@ -150,6 +154,11 @@ def _resumed(
     if any(result.status is TrialStatus.CRASHED for result in results.values()):
         remove_orphans()  # Crashed processes leave their folders behind.
     return [results[i] for i in range(len(jobs))]
+
+
+def _check_one_of(mass: float | None, density: float | None) -> None:
+    if mass is not None and density is not None:
+        raise SettingsError("is given beside mass", key="density", value=density, fix="Give one of them")
 
 
 def _check_numbers(**numbers: float | None) -> None:
