@@ -220,3 +220,16 @@ def test_it_is_an_estimator_of_the_main_flow(seen):
     assert {"network", "depth", "warp", "check", "rank", "total"} <= result.timings.keys()
     assert result.latent is not None
     assert len(result.grasps) > 0
+
+
+def test_depth_of_a_second_side_says_more_of_the_shape(mug, renderer):
+    together, pose = observe_instance(mug, 40, renderer=renderer, pictures=2)
+    true_latent = mug.category.shape_space.encode(mug.true_field.weights)
+    estimator = RgbdEstimator(mug.category, _vague(mug, 1.0))
+    one, both = (estimator(seen) for seen in (replace(together, further=()), together))
+    errors = [np.linalg.norm(estimate.latent - true_latent) for estimate in (one, both)]
+    assert errors[1] < errors[0]
+    assert np.trace(both.latent_covariance) < np.trace(one.latent_covariance)
+    # Poses that err each by itself do not say where the second camera stands.
+    separate = estimator(replace(together, views="separate"))
+    np.testing.assert_array_equal(separate.latent, one.latent)

@@ -19,17 +19,18 @@ Range Images, 1992.
 
 import logging
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.category import Category
-from grasptransfer.frames import drift, moved
+from grasptransfer.frames import drift, invert, moved
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.seen_surface import SeenSurface, ShapedModel, see_surface
+from grasptransfer.perception.several_pictures import MOVED_CAMERA
 from grasptransfer.registration import motion_along
 
 logger = logging.getLogger(__name__)
@@ -60,8 +61,8 @@ class RgbdEstimator:
 
     def __call__(self, observation: Observation) -> ShapeEstimate:
         """Estimate from RGB, then correct latent and pose by the measured depth."""
-        estimate = self.rgb(replace(observation, depth=None))
-        if observation.depth is None:
+        estimate = self.rgb(observation.without("depth"))
+        if all(picture.depth is None for picture, _ in _with_relations(observation)):
             logger.warning("Estimator 'rgbd' was given no depth: the picture alone answers.")
             return estimate
         if estimate.latent is None or estimate.covariance is None:
@@ -76,15 +77,16 @@ class RgbdEstimator:
 
     def _fuse(self, estimate: ShapeEstimate, observation: Observation) -> ShapeEstimate:
         fit = _Fit(estimate)
-        depth = _on_object(observation, estimate.mask)
+        pictures = [
+            (picture, _on_object(picture, estimate.mask if picture is observation else None), relation)
+            for picture, relation in _with_relations(observation)
+            if picture.depth is not None
+        ]
         for _ in range(ROUNDS):
-            seen = see_surface(self._model, fit.latent, observation.camera, fit.pose)
-            measured = seen.where(seen.sampled(depth) > 0)
-            if len(measured.pixels) < FEWEST_POINTS:
+            seen = [self._measure(fit, *picture) for picture in pictures]
+            if sum(len(one.gap) for one in seen) < FEWEST_POINTS:
                 return estimate
-            rays = observation.camera.unproject(measured.pixels.astype(float), np.ones(len(measured.pixels)))
-            gap = measured.sampled(depth) - measured.depth(fit.pose)
-            if fit.step(measured, rays, gap, len(seen.pixels)) < SETTLED:
+            if fit.step(_Measured.together(seen)) < SETTLED:
                 break
         return replace(
             estimate,
@@ -93,6 +95,53 @@ class RgbdEstimator:
             latent=fit.latent,
             covariance=fit.joint_covariance,
         )
+
+    def _measure(
+        self,
+        fit: "_Fit",
+        picture: Observation,
+        depth: Float[np.ndarray, "h w"],
+        camera_from_first: Float[np.ndarray, "4 4"],
+    ) -> "_Measured":
+        """What is measured where a picture shows the model as fitted so far."""
+        pose = camera_from_first @ fit.pose
+        seen = see_surface(self._model, fit.latent, picture.camera, pose)
+        measured = seen.where(seen.sampled(depth) > 0)
+        rays = picture.camera.unproject(measured.pixels.astype(float), np.ones(len(measured.pixels)))
+        facing = -(measured.normals_object @ pose[:3, :3].T * rays).sum(1)
+        share = np.full(len(rays), min(1.0, INDEPENDENT_POINTS / max(len(seen.pixels), 1)))
+        return _Measured(measured, facing, measured.sampled(depth) - measured.depth(pose), share)
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Points of the model whose depth was measured.
+
+    Args:
+        seen: the points.
+        facing: how far the surface goes along its normal with 1 m of depth.
+        gap: how far behind the model's surface depth was measured [m].
+        share: how many independent points each counts for.
+    """
+
+    seen: SeenSurface
+    facing: Float[np.ndarray, "p"]
+    gap: Float[np.ndarray, "p"]
+    share: Float[np.ndarray, "p"]
+
+    @staticmethod
+    def together(parts: "list[_Measured]") -> "_Measured":
+        """Those of several pictures."""
+        seen = SeenSurface(
+            *(
+                np.concatenate([getattr(part.seen, field.name) for part in parts])
+                for field in fields(SeenSurface)
+            )
+        )
+        facing, gap, share = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("facing", "gap", "share")
+        )
+        return _Measured(seen, facing, gap, share)
 
 
 class _Fit:
@@ -115,25 +164,12 @@ class _Fit:
         joint[np.ix_(self._free, self._free)] = self._covariance
         return joint
 
-    def step(
-        self,
-        seen: SeenSurface,
-        rays: Float[np.ndarray, "p 3"],
-        gap: Float[np.ndarray, "p"],
-        visible: int,
-    ) -> float:
-        """One round; returns the step's length in the prior's standard deviations.
-
-        Args:
-            rays: through their pixels, 1 m deep.
-            gap: how far behind the model's surface depth was measured [m].
-            visible: how many points of the model are seen, measured or not.
-        """
+    def step(self, measured: _Measured) -> float:
+        """One round; returns the step's length in the prior's standard deviations."""
+        seen, facing, gap, share = measured.seen, measured.facing, measured.gap, measured.share
         turned, normals = seen.points_object @ self.pose[:3, :3].T, seen.normals_object @ self.pose[:3, :3].T
         jacobian = motion_along(normals, turned, seen.by_latent, self.pose[:3, :3])[:, self._free]
-        facing = -(normals * rays).sum(1)
         residual = facing * gap
-        share = min(1.0, INDEPENDENT_POINTS / visible)
         weight = share * self._own_surface(jacobian, facing, gap, share)
         drift = self._drift()[self._free]
         rows = jacobian * (weight / NOISE**2)[:, None]
@@ -142,7 +178,7 @@ class _Fit:
         self._move(step)
         return float(np.sqrt(step @ self._precision @ step / len(step)))
 
-    def _own_surface(self, jacobian, facing, gap, share: float) -> Float[np.ndarray, "p"]:
+    def _own_surface(self, jacobian, facing, gap, share) -> Float[np.ndarray, "p"]:
         """How likely each measured depth is that of the model's surface; estimates the others' share."""
         deviation = np.sqrt(NOISE**2 + self._uncertainty(jacobian)) / np.maximum(facing, 1e-3)
         density = np.exp(-0.5 * np.square(gap / deviation)) / (np.sqrt(2 * np.pi) * deviation)
@@ -150,7 +186,7 @@ class _Fit:
         for _ in range(BELIEFS):
             surface, other = (1 - self._astray) * density, self._astray / ELSEWHERE
             own = surface / (surface + other)
-            self._astray = (1 + share * (1 - own).sum()) / (2 + share * len(own))  # all shares alike before
+            self._astray = (1 + (share * (1 - own)).sum()) / (2 + share.sum())  # all shares alike before
         return own
 
     def _uncertainty(self, jacobian) -> Float[np.ndarray, "p"]:
@@ -166,6 +202,17 @@ class _Fit:
         step[self._free] = free_step
         self.pose = moved(self.pose, step[:6])
         self.latent = self.latent + step[6:]
+
+
+def _with_relations(observation: Observation) -> list[tuple[Observation, Float[np.ndarray, "4 4"]]]:
+    """The pictures whose depth counts, each with its camera from the first one's.
+
+    Poses that err each by itself do not say how the cameras stand: then the first picture's depth alone
+        counts.
+    """
+    first = invert(observation.camera_from_object)
+    pictures = observation.pictures if observation.views == MOVED_CAMERA else (observation,)
+    return [(one, np.eye(4) if one is observation else one.camera_from_object @ first) for one in pictures]
 
 
 def _on_object(observation: Observation, predicted: np.ndarray | None) -> Float[np.ndarray, "h w"]:

@@ -4,7 +4,7 @@ One picture does not tell size from distance. Here the given pose is 4 cm too fa
 camera moved, so both poses are wrong by the same: the pictures together find how far the mug is, and how
 large. Writes `two_pictures.html`: look at it.
 
-Usage: python examples/12_two_pictures_of_one_mug.py
+Usage: python examples/13_two_pictures_of_one_mug.py
 """
 
 import numpy as np

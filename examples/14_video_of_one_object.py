@@ -5,7 +5,7 @@ a camera on a moving arm knows it. The first pose was estimated, and is 2 cm wro
 same. `GraspTransfer.track()` carries pose and shape on; the more sides are seen, the surer both become.
 Writes `video/*.png`, `video/poses.yaml` and `video.html`: Look at video.html
 
-Usage: python examples/13_video_of_one_object.py [--quick]
+Usage: python examples/14_video_of_one_object.py [--quick]
 """
 
 import sys

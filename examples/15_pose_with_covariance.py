@@ -6,7 +6,7 @@ from distance, and so cannot put it right; but told how unsure the pose is, the 
 lower chances. A plane on which the mug stands finds the distance. Writes `pose.yaml` with the covariance in
 it, as `grasptransfer transfer --pose` reads it.
 
-Usage: python examples/14_pose_with_covariance.py
+Usage: python examples/15_pose_with_covariance.py
 """
 
 from pathlib import Path
