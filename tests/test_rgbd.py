@@ -223,7 +223,7 @@ def test_it_is_an_estimator_of_the_main_flow(seen):
 
 
 def test_depth_of_a_second_side_says_more_of_the_shape(mug, renderer):
-    together, pose = observe_instance(mug, 40, renderer=renderer, pictures=2)
+    together, _ = observe_instance(mug, 40, renderer=renderer, pictures=2)
     true_latent = mug.category.shape_space.encode(mug.true_field.weights)
     estimator = RgbdEstimator(mug.category, _vague(mug, 1.0))
     one, both = (estimator(seen) for seen in (replace(together, further=()), together))
