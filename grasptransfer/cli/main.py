@@ -52,6 +52,7 @@ COMMANDS: Table = {
     "board": "pose:board",
     "simulate": "transfer:simulate",
     "serve": "serve:serve",
+    "mcp": "mcp:mcp",
     "convert": "grasps:convert",
     "frames": "grasps:frames",
     "bench": "bench",

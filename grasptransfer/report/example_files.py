@@ -29,11 +29,13 @@ def copy_examples(out: Path) -> list[Path]:
         SettingsError: the folder cannot be written, or holds other files of these names.
     """
     check_folder(out, "out")
+    package = Path(__file__).resolve().parents[1]
     demo, scripts = load_category(CATEGORY).folder / "demo", examples_folder()
     sources = {out / name: demo / name for name in INPUTS}
     for path in sorted(scripts.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:
             sources[out / path.relative_to(scripts)] = path
+    sources[out / "ros2" / "grasptransfer_client.py"] = package / "service" / "client.py"
     for target, source in sources.items():
         if target.exists() and not filecmp.cmp(source, target, shallow=False):
             raise SettingsError(
