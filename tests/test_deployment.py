@@ -90,7 +90,8 @@ def test_the_node_compiles(tmp_path):
 
 
 def test_poses_survive_the_way_through_ros(node):
-    turns = [*Rotation.random(40, rng=np.random.default_rng(0)), *Rotation.from_euler("xyz", np.eye(3) * np.pi)]
+    turns = [*Rotation.random(40, rng=np.random.default_rng(0))]
+    turns += [*Rotation.from_euler("xyz", np.eye(3) * np.pi)]
     for turn in turns:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = turn.as_matrix(), (0.1, -0.2, 0.7)
