@@ -47,30 +47,31 @@ class BridgeSettings:
             raise SettingsError("is no folder", path=self.folder, key="folder")
 
 
-def bridge(service: Client, folder: Path) -> MCPServer:
-    """The server with its tools.
+class Tools:
+    """What a model may call.
 
     Args:
         service: that is asked.
         folder: whose pictures may be read.
     """
-    server = MCPServer("grasptransfer", instructions=ABOUT, version=grasptransfer.__version__)
 
-    @server.tool()
-    def health() -> dict[str, Any]:
+    def __init__(self, service: Client, folder: Path):
+        self._service, self._folder = service, folder
+
+    def health(self) -> dict[str, Any]:
         """Whether the grasp service answers, and its version."""
-        return _answered(service.health)
+        return _answered(self._service.health)
 
-    @server.tool()
-    def metadata() -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """Categories, grippers and estimators on offer, and the frames of all poses."""
-        return _answered(service.metadata)
+        return _answered(self._service.metadata)
 
-    @server.tool()
     def infer(
+        self,
         picture: str,
         pose: list[list[float]],
         category: str,
+        *,
         camera: list[float] | None = None,
         box: list[float] | None = None,
         gripper: str | None = None,
@@ -87,12 +88,19 @@ def bridge(service: Client, folder: Path) -> MCPServer:
             gripper: one that metadata lists.
             most: grasps in the answer.
         """
-        content = _picture(folder, picture)
+        content = _picture(self._folder, picture)
         given = {"camera": camera, "box": box, "gripper": gripper}
         options = {name: value for name, value in given.items() if value is not None}
-        answer = _answered(lambda: service.infer(content, pose, category, **options))
+        answer = _answered(lambda: self._service.infer(content, pose, category, **options))
         return answer | {"grasps": answer["grasps"][: max(most, 0)], "grasps_in_all": len(answer["grasps"])}
 
+
+def bridge(service: Client, folder: Path) -> MCPServer:
+    """The server with its tools; arguments as of `Tools`."""
+    server = MCPServer("grasptransfer", instructions=ABOUT, version=grasptransfer.__version__)
+    tools = Tools(service, folder)
+    for tool in (tools.health, tools.metadata, tools.infer):
+        server.add_tool(tool)
     return server
 
 
