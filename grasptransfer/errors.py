@@ -5,6 +5,7 @@ it is reported by a status enum on the result, and raised only with `strict=True
 """
 
 import difflib
+import operator
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -137,11 +138,15 @@ def in_millimetres(
     return kind("looks like millimetres, not metres", path=path, key=key, value=value, fix=fix)
 
 
-def check_seed(seed: int) -> None:
+def check_seed(seed: object) -> None:
     """Refuse a seed that no random generator takes.
 
     Raises:
-        SettingsError: it is negative.
+        SettingsError: it is no whole number, or negative.
     """
-    if seed < 0:
+    try:
+        number = operator.index(seed)  # pyright: ignore[reportArgumentType]  this is what is checked
+    except TypeError:
+        raise SettingsError("must be a whole number", key="seed", value=seed) from None
+    if number < 0:
         raise SettingsError("must be 0 or more", key="seed", value=seed)
