@@ -15,7 +15,7 @@ WITHOUT_NETWORK := cpd cpd_input expectation field kernels latent_fit shape_spac
   solids warping camera
 LIGHT_TESTS := $(WITHOUT_NETWORK:%=tests/test_%.py)
 
-.PHONY: demo test soak soak-short lint test-pythons test-pythons-light test-package audit lock clean system
+.PHONY: demo test soak soak-arguments soak-faults soak-load soak-short lint test-pythons test-pythons-light test-package audit lock clean system
 .SECONDARY:
 
 demo: .venv/ready system
@@ -29,6 +29,9 @@ test: .venv/ready system
 # Damaged files of every format that is read: 20,000 each in hours (it goes on where it stopped), 300 each in CI.
 soak: .venv/ready
 	$(BIN)/python -m grasptransfer.workshop.soak --out runs/soak
+# Any arguments, commands that are killed at random moments, and thousands of transfers; hours each.
+soak-arguments soak-faults soak-load: soak-%: .venv/ready
+	$(BIN)/python -m grasptransfer.workshop.soak $* --out runs/soak
 soak-short: .venv/ready
 	$(BIN)/python -m grasptransfer.workshop.soak --out $$(mktemp -d) --files 300
 

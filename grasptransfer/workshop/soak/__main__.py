@@ -3,6 +3,7 @@
 import dataclasses
 import logging
 import sys
+import warnings
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -17,8 +18,9 @@ from grasptransfer.workshop.benchmark.document import document, write_document
 from grasptransfer.workshop.soak.arguments import (
     ArgumentSettings,
     arguments_table,
-    run_arguments,
     settings_of,
+    try_settings,
+    try_transfers,
 )
 from grasptransfer.workshop.soak.faults import FaultSettings, faults_table, run_faults
 from grasptransfer.workshop.soak.load import LoadSettings, load_table, run_load
@@ -45,7 +47,10 @@ def arguments(settings: ArgumentSettings, out: Out) -> int:
     main = import_module("grasptransfer.cli.main")  # by its name: what is tested lies above the tests
     tables = (main.COMMANDS, *main.GROUPS.values())
     places = [f"grasptransfer.cli.{place}" for table in tables for place in table.values() if ":" in place]
-    rows = run_arguments(settings, settings_of(places), progress=CONSOLE.print)
+    logging.disable(logging.WARNING)
+    warnings.simplefilter("ignore")
+    rows = [try_transfers(settings)]
+    rows += [try_settings(kind, settings) for kind in settings_of(places)]
     CONSOLE.print(arguments_table(rows))
     failed = [row for row in rows if row.failed]
     for row in failed:

@@ -4,10 +4,9 @@ Each ends in an answer of finite numbers, or in an error that names the argument
 """
 
 import dataclasses
-import logging
+import functools
 import traceback
 import typing
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -64,26 +63,15 @@ class ArgumentRow:
     detail: str = ""
 
 
-def run_arguments(
-    chosen: ArgumentSettings, classes: Sequence[type], *, progress: Callable[[str], None] = lambda name: None
-) -> list[ArgumentRow]:
-    """Try arguments of transfers, then values of settings.
-
-    Args:
-        classes: settings dataclasses.
-        progress: called with the name of each subject before it is tried.
-    """
-    logging.disable(logging.WARNING)
-    warnings.simplefilter("ignore")
-    progress("transfer_grasps")
+def try_transfers(chosen: ArgumentSettings) -> ArgumentRow:
+    """Call `transfer_grasps` with arguments of all kinds."""
     category = load_category("mug")
-    rows = [_tried("transfer_grasps", transfers(), lambda call: _transfer(category, call), chosen)]
-    for kind in classes:
-        progress(kind.__name__)
-        rows.append(
-            _tried(kind.__name__, settings_values(kind), lambda given, kind=kind: kind(**given), chosen)
-        )
-    return rows
+    return _tried("transfer_grasps", transfers(), functools.partial(_transfer, category), chosen)
+
+
+def try_settings(kind: type, chosen: ArgumentSettings) -> ArgumentRow:
+    """Make a settings dataclass of values of all kinds."""
+    return _tried(kind.__name__, settings_values(kind), functools.partial(_made, kind), chosen)
 
 
 def arguments_table(rows: Sequence[ArgumentRow]) -> Table:
@@ -164,7 +152,7 @@ def _tried(
         max_examples=chosen.examples,
         deadline=None,
         database=None,
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=list(HealthCheck),  # pyright: ignore[reportArgumentType]  an enum of its own kind
         phases=[Phase.generate, Phase.shrink],
     )
     @given(drawn)

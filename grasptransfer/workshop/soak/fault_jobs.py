@@ -24,7 +24,7 @@ from grasptransfer.grasping import load_gripper
 
 session = Session(load_category("mug"), load_gripper("panda"), path=Path(sys.argv[1]))
 name = session.names[0]
-for number in range(40):
+for number in range(12):
     session.describe(name, label=f"edit {number}")
     session.save(refused=True)
 """
