@@ -15,7 +15,7 @@ WITHOUT_NETWORK := cpd cpd_input expectation field kernels latent_fit shape_spac
   solids warping camera
 LIGHT_TESTS := $(WITHOUT_NETWORK:%=tests/test_%.py)
 
-.PHONY: demo test soak soak-arguments soak-faults soak-load soak-short lint test-pythons test-pythons-light test-package audit lock clean system
+.PHONY: demo test soak soak-arguments soak-faults soak-load soak-short lint test-pythons test-pythons-light test-package docs audit lock clean system
 .SECONDARY:
 
 demo: .venv/ready system
@@ -39,6 +39,7 @@ lint: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/mypy --strict tests/user_program.py
 
 # The whole suite on every Python found here. PyTorch is a download of some gigabytes for each of the others.
 test-pythons: test $(OTHERS:%=whole-suite-%)
@@ -60,6 +61,10 @@ test-package: .venv/ready system
 	  "$$folder/venv/bin/pip" $(INSTALL) --constraint constraints.txt dist/*.whl; \
 	  cd "$$folder"; venv/bin/grasptransfer demo --out demo_out; \
 	  venv/bin/grasptransfer examples first; cd first; ../venv/bin/python 01_transfer_and_execute.py --quick
+
+# The documentation as pages, in site/; a warning is an error.
+docs: .venv/ready
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 audit: .venv/ready
 	$(BIN)/python .ci/audit.py
@@ -97,4 +102,4 @@ system: .venv/ready
 	  'EGL is missing (offscreen rendering): sudo apt-get install libegl1 libgl1 libgl1-mesa-dri')"
 
 clean:
-	rm -rf .venv .venv-* dist demo_out
+	rm -rf .venv .venv-* dist demo_out site

@@ -13,6 +13,8 @@ import trimesh
 from grasptransfer.errors import SettingsError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from jaxtyping import Bool, Float
 
     from grasptransfer.category import Category
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from grasptransfer.perception.pose_prior import PoseDeviation
     from grasptransfer.perception.pose_search import FoundPose
     from grasptransfer.registration import DeformationField
+    from grasptransfer.simulation import TrialResult
     from grasptransfer.waypoints import Waypoints
 
 
@@ -278,7 +281,7 @@ class TransferResult:
 
         return save_result(self, Path(folder))
 
-    def report(self, path: str | Path, *, trials=None) -> Path:
+    def report(self, path: str | Path, *, trials: Sequence[TrialResult] | None = None) -> Path:
         """Write a self-contained HTML page: picture, reconstruction, deformation, every grasp and why.
 
         Args:

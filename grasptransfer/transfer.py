@@ -9,7 +9,6 @@ Frames: `object` is the seen instance in its category's axes, `gripper` the TCP 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer import given
 from grasptransfer.category import Category, load_category
 from grasptransfer.choice import Prefer, Reachable, chosen, in_order, raise_unless_succeeded
 from grasptransfer.errors import check_seed
@@ -93,20 +93,20 @@ class GraspTransfer:
 
     def transfer(
         self,
-        image,
-        pose,
+        image: given.Pictures,
+        pose: given.Poses,
         *,
-        camera=None,
-        box=None,
-        mask=None,
-        depth=None,
-        scene=None,
-        pose_sigma=None,
+        camera: given.Cameras = None,
+        box: given.Boxes = None,
+        mask: given.Masks = None,
+        depth: given.Depths = None,
+        scene: given.SomeScene = None,
+        pose_sigma: given.Sigmas = None,
         views: str = "moved camera",
-        world_from_camera=None,
-        reachable=None,
-        prefer=None,
-        physics=None,
+        world_from_camera: given.Matrix = None,
+        reachable: Reachable | None = None,
+        prefer: Prefer | None = None,
+        physics: given.SomePhysics = None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to the instance in `image`; arguments as of `transfer_grasps`.
@@ -125,7 +125,7 @@ class GraspTransfer:
         how = {"scene": scene, "world_from_camera": world_from_camera, "physics": physics, "strict": strict}
         return self.answer(observation, **how, **wanted)
 
-    def track(self, *, views: str = "moved camera", pose_noise=POSE_NOISE) -> Track:
+    def track(self, *, views: str = "moved camera", pose_noise: given.Sigmas = POSE_NOISE) -> Track:
         """Follow one object from picture to picture: what each leaves known is the prior of the next.
 
         Args:
@@ -142,12 +142,12 @@ class GraspTransfer:
         self,
         observation: Observation,
         *,
-        scene=None,
-        world_from_camera=None,
+        scene: given.SomeScene = None,
+        world_from_camera: given.Matrix = None,
         found: tuple[FoundPose, ...] = (),
-        reachable=None,
-        prefer=None,
-        physics=None,
+        reachable: Reachable | None = None,
+        prefer: Prefer | None = None,
+        physics: given.SomePhysics = None,
         strict: bool = False,
     ) -> TransferResult:
         """Transfer the annotated grasps to what was observed.
@@ -188,7 +188,7 @@ class GraspTransfer:
         *,
         scene: Scene | None = None,
         world_from_camera: Float[np.ndarray, "4 4"] | None = None,
-        physics=None,
+        physics: given.SomePhysics = None,
     ) -> TransferResult:
         """Warp, refine, check, place and rank the grasps on an estimated shape.
 
@@ -228,25 +228,25 @@ class GraspTransfer:
 
 
 def transfer_grasps(
-    image,
-    pose,
+    image: given.Pictures,
+    pose: given.Poses,
     category: str | Path | Category,
     *,
-    camera=None,
+    camera: given.Cameras = None,
     gripper: str | Path | Gripper = "panda",
     grasps: str | Path | None = None,
-    box=None,
-    mask=None,
-    depth=None,
-    scene: Scene | str | Path | None = None,
+    box: given.Boxes = None,
+    mask: given.Masks = None,
+    depth: given.Depths = None,
+    scene: given.SomeScene = None,
     estimator: str | Estimator = "rgb",
-    pose_sigma=None,
+    pose_sigma: given.Sigmas = None,
     refine_pose: bool = True,
     views: str = "moved camera",
-    world_from_camera=None,
+    world_from_camera: given.Matrix = None,
     reachable: Reachable | None = None,
     prefer: Prefer | None = None,
-    physics: Physics | Mapping | None = None,
+    physics: given.SomePhysics = None,
     device: str = "auto",
     precision: str = "auto",
     seed: int = 0,

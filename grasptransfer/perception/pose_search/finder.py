@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
-from grasptransfer.camera import Camera
+from grasptransfer import given
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.boxes import Box
 from grasptransfer.errors import ImageError, PoseError
@@ -114,7 +114,13 @@ class PoseFinder:
         return OneMember(self.category)
 
     def find(
-        self, image, *, camera=None, box=None, mask=None, camera_from_table=None
+        self,
+        image: given.Pictures,
+        *,
+        camera: given.Cameras = None,
+        box: given.Boxes = None,
+        mask: given.Masks = None,
+        camera_from_table: given.Matrix = None,
     ) -> tuple[FoundPose, ...]:
         """Proposals, the likeliest first; arguments as of `find_pose`, or a mask as of `transfer_grasps`.
 
@@ -124,7 +130,7 @@ class PoseFinder:
         seen = self.see(image, camera=camera, box=box, mask=mask)
         return self.find_in(seen, camera_from_table=camera_from_table)
 
-    def find_in(self, seen: SeenBox, *, camera_from_table=None) -> tuple[FoundPose, ...]:
+    def find_in(self, seen: SeenBox, *, camera_from_table: given.Matrix = None) -> tuple[FoundPose, ...]:
         """Proposals for a box in a picture; `camera_from_table` as of `find_pose`."""
         starts = None
         if camera_from_table is not None:
@@ -140,7 +146,14 @@ class PoseFinder:
         order = [index for index in np.argsort(-shares) if shares[index] >= FEWEST_SHOWN or index == 0]
         return tuple(self._found(fits[index], float(shares[index]), seen) for index in order)
 
-    def see(self, image, *, camera=None, box=None, mask=None) -> SeenBox:
+    def see(
+        self,
+        image: given.Pictures,
+        *,
+        camera: given.Cameras = None,
+        box: given.Boxes = None,
+        mask: given.Masks = None,
+    ) -> SeenBox:
         """The picture, checked, and the object's box in it, which a mask gives, too.
 
         Raises:
@@ -225,12 +238,12 @@ def uncertainty_of(camera_from_object: Float[np.ndarray, "4 4"]) -> Float[np.nda
 
 
 def find_pose(
-    image,
+    image: given.Picture,
     category: str | Path | Category,
     *,
-    camera: Camera | str | Path | object = None,
-    box=None,
-    camera_from_table=None,
+    camera: given.Cameras = None,
+    box: given.Boxes = None,
+    camera_from_table: given.Matrix = None,
 ) -> tuple[FoundPose, ...]:
     """Propose poses of an instance from one RGB picture, the likeliest first.
 
