@@ -101,7 +101,7 @@ def run_batch(
                 given = read_inputs(one)
                 key = _key(one, given, flow)
                 if key in known and (one.out / RESULT).is_file():
-                    line, again = known[key], again + 1
+                    line, again = known[key] | {"folder": str(one.out)}, again + 1
                 else:
                     line = line | {"key": key} | _transferred(flow, given, one)
                     record.add(line)
@@ -163,7 +163,10 @@ def _key(one: TransferSettings, given: TransferInputs, flow: GraspTransfer) -> s
     grasps = one.grasps or flow.category.grasps_path
     seen = [given.pictures[key] for key in ("image", "pose", "box", "pose_sigma")]
     camera = given.pictures["camera"].matrix
-    return content_key(grasptransfer.__version__, plain, files, category, grasps, seen, camera)
+    hand = Path(one.gripper) if Path(one.gripper).is_file() else one.gripper
+    # Its name, too: pictures may be equal, and each has a folder and a line of its own.
+    name, version = one.image[0].name, grasptransfer.__version__
+    return content_key(name, version, plain, files, category, grasps, hand, seen, camera)
 
 
 def _transferred(flow: GraspTransfer, given: TransferInputs, one: TransferSettings) -> dict:
