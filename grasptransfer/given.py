@@ -4,7 +4,7 @@ At run time they are `Any`: whatever is given is checked where it is used, and r
 names the argument.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
     from grasptransfer.camera import Camera
-    from grasptransfer.grasping import Scene
+    from grasptransfer.grasping import Physics, Scene
 
     Picture = str | Path | Image | NDArray[np.uint8]
     Pictures = Picture | Sequence[Picture]
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     Sigmas = float | Sequence[float] | NDArray[Any] | Sequence[Any] | None
     Matrix = ArrayLike | None
     SomeScene = Scene | str | Path | None
+    SomePhysics = Physics | Mapping[str, float] | None
 else:
     Picture = Pictures = Poses = Cameras = Box = Boxes = Mask = Masks = Depths = Sigmas = Matrix = (
         SomeScene
