@@ -77,6 +77,7 @@ class RgbEstimator:
         estimate, signs = self.assess(observation)
         camera = observation.camera
         given = projected_box(self._vertices, camera, observation.camera_from_object)
+        assert estimate.latent is not None
         found = projected_box(self._model.vertices(estimate.latent), camera, estimate.camera_from_object)
         return reconsider(estimate, signs, observation, assessor=self, boxes=(given, found))
 
