@@ -25,11 +25,11 @@ def paired_draws(
     They come in the order of the strongest direction, so that every other pair is stratified, too.
 
     Args:
-        covariance: of the Gaussian; it may be singular.
+        covariance: covariance of the Gaussian; it may be singular.
         effect: what each coordinate moves, in any unit that is the same for all rows.
-        count: of draws; an odd one is rounded up.
+        count: number of draws; an odd one is rounded up.
         others: independent standard normal variables that are drawn along with it.
-        seed: of the order in which strata are combined.
+        seed: seed of the order in which strata are combined.
 
     Returns:
         The draws, and those of the other variables.

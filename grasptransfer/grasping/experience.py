@@ -45,7 +45,7 @@ class Experience:
     """Corrects the chance of each annotated grasp; without arguments it changes nothing.
 
     Args:
-        shift, slope: of the log odds of every chance.
+        shift, slope: shift and slope of the log odds of every chance.
         of_grasps: what is added to the log odds of an annotated grasp, by its name.
     """
 

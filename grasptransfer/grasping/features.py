@@ -1,4 +1,4 @@
-"""What the ranking looks at: points of drawn objects near an opened gripper, shift by shift, draw by draw.
+"""What the ranking judges by: points of drawn objects near an opened gripper, shift by shift, draw by draw.
 
 The loops over points are compiled; each point is dropped as soon as one of its coordinates is too far away.
 """
@@ -89,8 +89,8 @@ class NearPoints:
         """`success_model.FEATURES` after each shift, in each draw; NaN where a pad meets nothing.
 
         Args:
-            opening: of the gripper on the way in [m].
-            shifts: of the TCP, gripper frame [m].
+            opening: opening of the gripper on the way in [m].
+            shifts: shifts of the TCP, gripper frame [m].
             room: between gripper and obstacles after each shift [m]; None: nothing stands around.
         """
         plausible, draws, moved = self.plausible, len(self.plausible.points), shifts.astype(np.float32)
@@ -125,7 +125,7 @@ def features_around(
     """`success_model.FEATURES` of a grasp in each draw; NaN where a pad meets nothing.
 
     Args:
-        opening: of the gripper on the way in [m].
+        opening: opening of the gripper on the way in [m].
         room: between gripper and obstacles [m]; None: nothing stands around.
     """
     unmoved = np.zeros((1, 3))

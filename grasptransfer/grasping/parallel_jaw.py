@@ -16,7 +16,7 @@ class ParallelJaw:
     Args:
         name: its name, also of the files.
         max_opening: largest distance between the pads [m].
-        finger_length: from the palm to the finger tips [m].
+        finger_length: distance from the palm to the finger tips [m].
         finger_width: along TCP y [m].
         finger_thickness: along TCP x [m].
         pad_height: height of the flat pad at the tip of each finger [m].

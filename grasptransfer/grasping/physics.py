@@ -30,9 +30,9 @@ class Physics:
     """What decides whether a grip is strong enough.
 
     Args:
-        mass: of the object [kg]; None: the volume of its reconstruction times its category's density.
+        mass: mass of the object [kg]; None: the volume of its reconstruction times its category's density.
         friction: Coulomb coefficient between pad and object.
-        force: of each pad [N]; None: 40 N, or the gripper's limit where that is less.
+        force: force of each pad [N]; None: 40 N, or the gripper's limit where that is less.
         up: against gravity, camera frame; None: the world's z axis, the support plane's normal, or the
             object's z axis, the first that is known.
 
@@ -80,7 +80,7 @@ class Physics:
         """Mass [kg], friction and force [N] of each draw.
 
         Args:
-            likely_mass: where none is given [kg].
+            likely_mass: mass that is taken where none is given [kg].
             normal: standard normal variables, one for each of the three.
         """
         mass, factor = (likely_mass, MASS_FACTOR) if self.mass is None else _pair(self.mass)

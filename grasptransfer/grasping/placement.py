@@ -34,7 +34,7 @@ class Placement:
         temperature: how much less expected success counts 2.7 times less.
         leaving: expected success that a shift of `far` has to gain; it grows with the square.
         far: m.
-        shares: of the shift that are tried, one after the other, until its check is passed.
+        shares: shares of the shift that are tried, one after the other, until its check is passed.
     """
 
     rings: tuple[float, ...] = (0.004, 0.008)
@@ -58,10 +58,10 @@ def place_grasps(
 
     Args:
         grasps: refined, object frame.
-        checks: of each; one that failed its check stays as it is.
+        checks: check of each grasp; one that failed it stays as it is.
         world: reconstruction and scene.
         plausible: objects that the picture leaves possible.
-        settings: of the search.
+        settings: settings of the search.
 
     Returns:
         The grasps and their checks, in the order given.

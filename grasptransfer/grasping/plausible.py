@@ -64,9 +64,9 @@ class PlausibleObjects:
     """Surface points of each drawn object, object frame of the estimate.
 
     Args:
-        points, normals: of the surface [m], unit; the same places of the surface in every draw.
+        points, normals: surface points [m] and unit normals; the same places of the surface in every draw.
         centres: centre of mass of each draw [m].
-        mass: of each draw [kg].
+        mass: mass of each draw [kg].
         grip: friction times force of each pad, of each draw [N]; None: those of the simulation protocols.
         up: unit, against gravity.
     """
@@ -94,10 +94,10 @@ class PlausibleObjects:
         Args:
             mesh: the reconstruction, object frame [m].
             category, estimate: whose posterior is drawn from; without them only `unknown` varies the pose.
-            seed: of the draws.
+            seed: seed of the draws.
             physics: mass, friction and force, and how sure they are.
             up: against gravity, object frame; None: the object's z axis.
-            unknown: how many draws, and the errors that no estimate knows of.
+            unknown: number of draws, and the errors that no estimate knows of.
         """
         unknown, physics = unknown or UnknownErrors(), physics or Physics()
         places, basis = surface_places(mesh, category)

@@ -1,6 +1,6 @@
 """How likely each grasp is to hold, over the shapes and poses that the picture leaves possible.
 
-For every drawn object (`plausible.py`) the points near each opened gripper tell its clearance, what the
+For every drawn object (`plausible.py`) the points near each opened gripper give its clearance, what the
 pads meet, how flat, and how hard the weight turns the object between them. One logistic model turns the
 clearance into the chance of getting there, another the rest into that of holding; the score is the mean of
 their product over the draws. One model of everything would let a firm grip make up for a palm in the object.
@@ -64,7 +64,7 @@ def rank_grasps(
     """Expected success of each grasp in [0, 1]; 0 for those that failed their check.
 
     Args:
-        grasps: on the instance, object frame.
+        grasps: grasps on the instance, object frame.
         checks: their checks.
         plausible: objects that the picture leaves possible; the same ones for all grasps.
     """
@@ -104,7 +104,7 @@ def grasp_features(
     *,
     plausible: PlausibleObjects,
 ) -> list[Features]:
-    """What the ranking looks at, for each usable grasp and draw; NaN where a pad meets nothing.
+    """What the ranking judges by, for each usable grasp and draw; NaN where a pad meets nothing.
 
     Unusable grasps get no rows. Arguments as of `rank_grasps`.
     """

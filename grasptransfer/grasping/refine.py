@@ -39,7 +39,7 @@ class Refinement:
     """Settings of the search.
 
     Args:
-        rounds: of sampling; each one searches half as far as the one before, at half the temperature.
+        rounds: rounds of sampling; each one searches half as far as the one before, at half the temperature.
         samples: motions per grasp and round.
         temperature: cost by which a motion counts 2.7 times less, in the first round.
         shift: standard deviation of the first round's shifts [m].
@@ -101,7 +101,7 @@ def refine_grasps(
     """Improve each grasp on the instance's surface; one that finds no contact stays as it was.
 
     Args:
-        grasps: in the mesh's frame.
+        grasps: grasps in the mesh's frame.
         mesh: the object's surface, object frame [m]; a `CollisionWorld` brings its own scene.
         scene: obstacles and support plane, camera frame.
         camera_from_object: pose of the object (4, 4) [m]; matters with a scene only.

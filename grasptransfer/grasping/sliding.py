@@ -26,7 +26,7 @@ def slide_where_too_wide(
     """Move each grasp that is too wide for the gripper along the pads' y axis; others stay.
 
     Args:
-        grasps: in the surface's frame.
+        grasps: grasps in the surface's frame.
 
     Returns:
         The grasps; one that fits nowhere near stays as it was.

@@ -32,8 +32,9 @@ class Ranking:
     """The logistic models of a grasp on one drawn object, and what counts as unlikely.
 
     Args:
-        entry, clearance: of getting there, fitted to simulated grasps by `grasptransfer bench calibration`.
-        bias, flatness, coverage, moment: of holding, fitted likewise.
+        entry, clearance: weights of getting there, fitted to simulated grasps by
+            `grasptransfer bench calibration`.
+        bias, flatness, coverage, moment: weights of holding, fitted likewise.
         least_chance: a grasp that the gripper reaches is unusable below this score.
 
     The features: clearance in mm (between -12 and 3), flatness as a cosine, coverage as a share of a pad's

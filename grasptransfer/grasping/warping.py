@@ -55,7 +55,7 @@ class WarpedGrasp:
         width: distance between the pads when they touch, from the warped contacts [m].
         contacts: warped contacts (2, 3), -x side first, object frame [m].
         opening: distance between the pads on the way in [m], or None for a little more than `width`.
-        method: how it was moved.
+        method: the way in which it was moved.
         stretch: smallest and largest singular value of the field's Jacobian at the contacts, or at the
             TCP without them; the smallest is negative where the field turns space inside out.
     """
@@ -99,9 +99,10 @@ def warp_grasps(
 
     Args:
         grasps: annotated grasps; expand their symmetry first.
-        field: from canonical points to the instance's [m].
+        field: field from canonical points to the instance's [m].
         method: a grasp without contacts falls back from `contacts` to `jacobian`.
-        surface_points: of the canonical model [m], for `nearest`; the field's control points by default.
+        surface_points: points of the canonical surface [m], for `nearest`; None takes the field's
+            control points.
 
     Raises:
         SettingsError: unknown method, or no surface points for `nearest`.

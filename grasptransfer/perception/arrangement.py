@@ -35,8 +35,8 @@ class Arrangement:
 
     Args:
         start: `camera_from_object` to start from: one where the camera moved, else one a picture.
-        priors: of each pose; None for one that is exact, or known from earlier pictures.
-        places: of each picture.
+        priors: prior of each pose; None for one that is exact, or known from earlier pictures.
+        places: place of each picture.
         sigma: how sure the first pose is before the pictures; None where it is exact.
         earlier: what earlier pictures have left known.
         new: share of what these pictures say that earlier ones have not said yet.
@@ -78,7 +78,7 @@ def arrange(observation: Observation, vertices: Float[np.ndarray, "v 3"], *, ref
     """Poses to start from, their priors, and the weights of the pictures.
 
     Args:
-        vertices: of the canonical model [m].
+        vertices: vertices of the canonical model [m].
         refine: whether poses are refined at all.
     """
     pictures, earlier = observation.pictures, observation.earlier

@@ -97,7 +97,7 @@ class Confidence:
         Differences are logarithms of odds.
 
         Args:
-            signs: of the first pass alone, or all.
+            signs: signs of the first pass alone, or all signs.
         """
         return float((self.of_pass if len(signs) == len(OF_PASS) else self.of_pose) @ signs)
 

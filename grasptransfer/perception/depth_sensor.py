@@ -70,8 +70,8 @@ class DepthSensor:
         """The depth picture it would report [m], 0 where it reports none.
 
         Args:
-            depth: of the object's first surface [m], 0 where there is no object.
-            coverage: how opaque the object is there, in [0, 1]; below 1 light passes through.
+            depth: depth of the object's first surface [m], 0 where there is no object.
+            coverage: opacity of the object there, in [0, 1]; below 1 light passes through.
             behind: depth of the scene without the object [m].
             path: length of the way through the object [m]; None: no refraction.
         """
@@ -101,7 +101,7 @@ def wall_behind(
     """Depth of a plane that crosses the optical axis at `distance` [m].
 
     Args:
-        tilt: of the plane out of the picture plane [rad].
+        tilt: angle of the plane out of the picture plane [rad].
         turn: direction of the tilt in the picture [rad].
     """
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]

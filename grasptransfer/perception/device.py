@@ -18,7 +18,7 @@ def check_device(device: str) -> None:
         device: one of `DEVICES`.
 
     Raises:
-        SettingsError: with the devices there are.
+        SettingsError: there is no such device; with those there are.
     """
     _check(device, "device")
 

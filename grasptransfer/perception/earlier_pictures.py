@@ -16,7 +16,7 @@ class ObjectPosterior:
         camera_from_object: (4, 4) its mean pose.
         latent: (k,) its mean latent.
         covariance: (6 + k, 6 + k) over turn about the object's origin [rad] and shift [m], camera axes, and
-            latent: as a fit gives it, before the latent's is widened to what holds.
+            latent, as a fit gives it: the latent's is not yet widened to what holds.
         seen_from: (a, 3) directions from the object to the cameras that saw it, object axes.
         given: (4, 4) the given pose in the last picture.
         pose_known: False: nothing is known of the pose in the next picture.
@@ -55,7 +55,7 @@ class ObjectPosterior:
         """Hessian and gradient of the negative logarithm of its density.
 
         Args:
-            surer: by how much the pose's variances are divided.
+            surer: factor by which the pose's variances are divided.
         """
         off = np.concatenate([drift(self.camera_from_object, pose), latent - self.latent])
         precision = np.zeros_like(self.covariance)

@@ -100,7 +100,7 @@ def check_estimators(names: Iterable[str], *, key: str, known: Iterable[str] | N
         known: the names there are; None takes `ESTIMATORS`.
 
     Raises:
-        SettingsError: with the names there are.
+        SettingsError: there is no such estimator; with the names there are.
     """
     choices = tuple(ESTIMATORS if known is None else known)
     for name in names:
@@ -116,7 +116,7 @@ def check_several_pictures(estimator: str | Estimator, key: str) -> None:
         key: the argument for which it must take several.
 
     Raises:
-        SettingsError: with the estimators that take several.
+        SettingsError: it takes one picture; with the estimators that take several.
     """
     able = [name for name, spec in ESTIMATORS.items() if spec.several_pictures]
     if isinstance(estimator, str) and estimator not in able:

@@ -52,8 +52,8 @@ class Reading:
     """Another reading of an input.
 
     Args:
-        status: of an estimate whose input should have been read so.
-        sentence: that says so to the user.
+        status: status of an estimate whose input should have been read so.
+        sentence: a sentence that says so to the user.
         observation: the input as read so.
     """
 
@@ -73,8 +73,8 @@ def reconsider(
     """The estimate, with the likely cause of a wrong input and the status that the cause calls for.
 
     Args:
-        estimate: with status and score by `signs`.
-        boxes: of the canonical model at the given pose, and of the reconstruction [px].
+        estimate: the estimate, with status and score by `signs`.
+        boxes: boxes of the canonical model at the given pose, and of the reconstruction [px].
     """
     score = estimate.category_score
     assert score is not None

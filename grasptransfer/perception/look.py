@@ -57,7 +57,7 @@ def latent_prior(
     """What the latent head says; modes beyond its size, and networks without it, keep the prior.
 
     Args:
-        overconfidence: how much larger the stated deviations have to be.
+        overconfidence: factor by which the stated deviations are too small.
     """
     mean, deviation = np.zeros(len(assumed)), np.ones(len(assumed))
     if prediction.latent is None or prediction.latent_log_scale is None:

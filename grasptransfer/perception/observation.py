@@ -85,7 +85,7 @@ def observe(image, pose, *, camera=None, box=None, mask=None, depth=None, pose_s
         pose_sigma: how sure the pose is, as of `poses.covariance_of`.
 
     Raises:
-        ImageError, CameraError, PoseError: with the argument, the value and what to do.
+        ImageError, CameraError, PoseError: wrong input, with the argument, the value and what to do.
     """
     pixels = read_image(image)
     height, width = pixels.shape[:2]

@@ -20,7 +20,7 @@ def camera_of(image: object, camera: object, width: int, height: int) -> Camera:
     Args:
         image: path, PIL picture or array.
         camera: `Camera`, path of a camera file, 3x3 intrinsics [px], or None: by EXIF, else 60 degrees.
-        width, height: of the picture [px].
+        width, height: size of the picture [px].
 
     Raises:
         CameraError: a wrong file or matrix, or one that fits no picture of this size.

@@ -57,7 +57,7 @@ class Outline:
 
     Args:
         points: (v, 3) canonical surface points [m].
-        model: of their displacement by the latent, `ShapeSpace.displacement_model(points)`.
+        model: their displacement by the latent, `ShapeSpace.displacement_model(points)`.
     """
 
     silhouette: Silhouette
@@ -74,10 +74,10 @@ class PictureEvidence:
     """What one picture says of its pose and of the latent.
 
     Args:
-        motion: of the visible canonical points.
+        motion: motion of the visible canonical points.
         points: (c, 3) canonical points of the cells [m].
-        model: of their displacement by the latent, `ShapeSpace.displacement_model(points)`.
-        camera: of the zoomed picture.
+        model: their displacement by the latent, `ShapeSpace.displacement_model(points)`.
+        camera: camera of the zoomed picture.
         outline: the predicted mask, and the model's surface whose outline must meet it.
         latent: what the picture as a whole says of the latent.
     """

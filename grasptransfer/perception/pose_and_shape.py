@@ -70,8 +70,8 @@ def fit_pose_and_shape(
     Args:
         pictures: what each picture says.
         poses: each `camera_from_object` to start from.
-        priors: of each pose about the given one; None trusts the pose it starts from.
-        places: of each picture: which pose it goes with, and how much it counts.
+        priors: prior of each pose about the given one; None trusts the pose it starts from.
+        places: for each picture, the pose that it goes with, and how much it counts.
         earlier: what earlier pictures have left known, of the first pose and the latent.
         standing: the plane on which the object stands, in the first picture's camera.
         overconfidence: how many times less the pictures say of the poses than their residuals do.

@@ -72,7 +72,7 @@ class PosePrior:
         """Hessian and gradient of the negative log prior at a pose; the farther, the weaker its hold.
 
         Args:
-            surer: by how much the prior's variances are divided.
+            surer: factor by which the prior's variances are divided.
         """
         off = drift(self.camera_from_object, pose)
         precision = surer * self._precision
@@ -94,9 +94,9 @@ class PoseDeviation:
     """Standard deviations of a pose.
 
     Args:
-        along_ray: of the object's origin along its ray [m].
-        across_ray: of the object's origin along each axis across its ray [m].
-        turn: about each axis [deg].
+        along_ray: deviation of the object's origin along its ray [m].
+        across_ray: deviation of the object's origin along each axis across its ray [m].
+        turn: deviation about each axis [deg].
     """
 
     along_ray: float

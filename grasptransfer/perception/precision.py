@@ -26,7 +26,7 @@ def check_precision(precision: str) -> None:
     """Refuse a precision that is unknown, as an argument or in the environment.
 
     Raises:
-        SettingsError: with the precisions there are.
+        SettingsError: there is no such precision; with those there are.
     """
     if precision not in PRECISIONS:
         raise SettingsError("unknown precision", key="precision", value=precision, choices=PRECISIONS)

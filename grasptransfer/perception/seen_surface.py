@@ -39,7 +39,7 @@ class SeenSurface:
     Args:
         points_object: object frame [m].
         normals_object: unit, towards the camera.
-        by_latent: how the latent moves them [m].
+        by_latent: their displacement by the latent [m].
         pixels: (u, v) at which they are seen.
     """
 

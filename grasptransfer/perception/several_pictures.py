@@ -40,7 +40,7 @@ class PicturePlace:
     Args:
         pose: index of the pose among those of the fit.
         camera_from_first: (4, 4) this picture's camera, from the camera of that pose; None: the same camera.
-        weight: of all that the picture says.
+        weight: weight of all that the picture says.
     """
 
     pose: int = 0

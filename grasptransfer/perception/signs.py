@@ -69,10 +69,10 @@ def signs_of_pass(
         view: the model as assumed.
         motion: predicted motion of its visible cells.
         prior: what the network says of the latent.
-        match_logit: that the object is of the category.
+        match_logit: logit that the object is of the category.
         mask: predicted probability of the object, whatever mask was given.
-        flow_spread: how far the members of the ensemble differ in the flow of each visible cell [px].
-        mask_spread: and in the mask's probability.
+        flow_spread: standard deviation among the ensemble's members of the flow of each visible cell [px].
+        mask_spread: standard deviation of the mask's probability among them.
     """
     shown = view.coordinates.any(-1)[MASK_STRIDE // 2 :: MASK_STRIDE, MASK_STRIDE // 2 :: MASK_STRIDE]
     seen = mask > 0.5
@@ -105,10 +105,10 @@ def signs_of_fit(
     Args:
         said: what the last pass said of the picture.
         pose: fitted `camera_from_object` in this picture.
-        fit: with the fitted latent.
-        overlap: of the predicted mask and the reconstruction.
-        sides: of the reconstruction's bounding box over those of the canonical model's.
-        drifted: as of `drift_of`.
+        fit: the fit, with its latent.
+        overlap: intersection over union of the predicted mask and the reconstruction.
+        sides: sides of the reconstruction's bounding box over those of the canonical model's.
+        drifted: what `drift_of` gives.
     """
     motion = said.motion
     offset_misfit = np.linalg.norm(said.model.at(fit.latent) - motion.offsets, axis=1) / motion.offset_scale

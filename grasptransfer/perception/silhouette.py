@@ -39,7 +39,7 @@ class Silhouette:
 
     Args:
         probability: (hm, wm) that a cell of the zoomed picture shows the object.
-        camera: of the zoomed picture.
+        camera: camera of the zoomed picture.
         draw: (vertices [m], pose) -> which pixels show the model with these vertices.
     """
 

@@ -24,7 +24,7 @@ class Support:
     """A plane on which the object stands.
 
     Args:
-        point: on the plane, camera frame [m].
+        point: a point on the plane, camera frame [m].
         normal: unit, towards the object, camera frame.
         sigma: standard deviation of the height of a contact above the plane [m].
     """
@@ -41,7 +41,7 @@ class Standing:
     Args:
         support: the plane, in the camera of the fit's first pose.
         points: (v, 3) canonical surface points [m].
-        model: of their displacement by the latent.
+        model: their displacement by the latent.
     """
 
     support: Support

@@ -35,7 +35,7 @@ class WeightsInfo:
     Args:
         network: name of its members for `build_network`.
         categories: `trained_on` of each category by its name, in the order of their numbers.
-        confidence: how sure its estimates may be.
+        confidence: fitted numbers that say how sure its estimates may be.
         width: width of its members for `build_network`.
     """
 
@@ -111,8 +111,8 @@ class StoredWeights:
     """What a weight file holds.
 
     Args:
-        tensors: by their names in the members of the ensemble, half precision.
-        members: how many there are.
+        tensors: tensors in half precision, by their names in the ensemble.
+        members: number of its members.
     """
 
     tensors: dict[str, np.ndarray]
@@ -171,7 +171,7 @@ def check_trained_on(info: WeightsInfo, category: Category, path: Path) -> None:
     """Refuse weights that belong to another category, or to this one as it was before it was built again.
 
     Raises:
-        WeightsError: with the file of the category that differs.
+        WeightsError: they do; with the file of the category that differs.
     """
     found, wanted = info.categories.get(category.name, {}), trained_on(category)
     for name, what in ((CANONICAL, "canonical model"), (SHAPE_SPACE, "shape space")):

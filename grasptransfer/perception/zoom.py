@@ -73,9 +73,9 @@ def whole_mask(
     """The cells of a zoomed picture that rather show the object, put back into the whole picture.
 
     Args:
-        probability: of each cell.
+        probability: probability of each cell.
         zoomed: camera of the zoomed picture.
-        camera: of the whole picture.
+        camera: camera of the whole picture.
     """
     scale_u, scale_v = zoomed.fx / camera.fx, zoomed.fy / camera.fy
     left = camera.cx - (zoomed.cx + 0.5) / scale_u

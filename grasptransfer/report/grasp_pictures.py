@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from grasptransfer.result import TransferResult
 
 PICTURE = (320, 260)  # px
-SCOUT = (128, 104)  # px: pictures that only tell what hides what
+SCOUT = (128, 104)  # px: pictures that only show what hides what
 USABLE: Colour = (46, 160, 67)
 REFUSED: Colour = (214, 69, 48)
 HAND: Colour = (120, 126, 136)
@@ -24,7 +24,7 @@ OBSTACLE: Colour = (150, 132, 110)
 AZIMUTHS = np.deg2rad(np.arange(0, 360, 24))
 ELEVATIONS = np.deg2rad([12, 38])
 PLANE_RADIUS = 0.16  # m: the part of a support plane that is drawn
-FAMILIAR = np.deg2rad(40)  # azimuth that is preferred where no photograph tells one
+FAMILIAR = np.deg2rad(40)  # azimuth that is preferred where no photograph gives one
 HIDDEN_BY = 0.002  # m that a point may lie behind the surface and still count as seen
 
 

@@ -110,7 +110,7 @@ def perturbed(
         object_from_tcp: (4, 4) exact pose [m].
         conditions: exact conditions.
         perturb: standard deviations of the errors.
-        rng: where the errors are drawn from.
+        rng: source of the errors.
     """
     shift = rng.normal(0.0, 1.0, 3) * perturb.position
     axis = rng.normal(0.0, 1.0, 3)

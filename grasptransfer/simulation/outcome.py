@@ -74,7 +74,7 @@ class TrialResult:
         grasp: name of the grasp.
         trial: its number, from 0.
         status: what happened.
-        phase: where it ended: `pre-check`, `settle`, `approach`, `close`, `lift`, `shake`, `turn`, `rest`.
+        phase: phase of its end: `pre-check`, `settle`, `approach`, `close`, `lift`, `shake`, `turn`, `rest`.
         detail: one sentence with the numbers.
         slip_mm, slip_degrees: how far the object moved in the gripper after the fingers had closed.
         max_penetration_mm: deepest overlap of gripper and object after the fingers had closed.

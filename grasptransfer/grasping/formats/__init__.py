@@ -80,7 +80,7 @@ def convert(
     neither width nor graded confidence.
 
     Args:
-        gripper: as of `read_grasps`.
+        gripper: the gripper, as for `read_grasps`.
         camera_from_object: (4, 4) pose of the object [m], for grasps in a camera's frame.
 
     Raises:

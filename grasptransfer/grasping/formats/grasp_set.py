@@ -32,7 +32,7 @@ class GraspSet:
     """Grasps of one object.
 
     Args:
-        grasps: in `object_frame`.
+        grasps: the grasps, in `object_frame`.
         object_frame: the frame they are in: the object's, by the name in the file, or "camera".
         object_file: mesh the grasps belong to, where the file says so.
         object_scale: factor from that mesh to metres; the grasps are in metres.

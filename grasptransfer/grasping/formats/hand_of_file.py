@@ -23,9 +23,9 @@ def choose_gripper(
     """The gripper whose frames a file means.
 
     Args:
-        given: by the caller; None: the one that the file names or whose joints it has, else the Panda.
+        given: the caller's gripper; None: the one that the file names or whose joints it has, else the Panda.
         named: what the file says: a name, or the path of a gripper's model.
-        path, key: of the file and of the name in it.
+        path, key: path of the file, and key of the name in it.
         joints: names of the joints in the file.
 
     Raises:
@@ -86,7 +86,7 @@ def check_driver(value: float, gripper: Gripper, path: Path, *, key: str) -> Non
     """Refuse a position that the gripper's driver does not take, of a joint that happens to have its name.
 
     Args:
-        value: of the driver [m or rad], without the joint's own ratio and offset.
+        value: value of the driver [m or rad], without the joint's own ratio and offset.
 
     Raises:
         GraspFileError: beyond the range of the driver.

@@ -43,12 +43,12 @@ def couple(
     """Ratio and offset of every moving joint; the first of them drives.
 
     Args:
-        given: the YAML's joints, the driver first; it may leave out what the URDF's `<mimic>` tells.
+        given: the YAML's joints, the driver first; it may leave out what the URDF's `<mimic>` says.
         moving: the URDF's moving joints below the base link, by name.
         path: the YAML.
 
     Raises:
-        GripperError: an unknown joint, one whose motion nothing tells, or a contradiction of YAML and URDF.
+        GripperError: an unknown joint, one without a motion, or a contradiction of YAML and URDF.
     """
     for name in given:
         if name not in moving:
@@ -62,7 +62,7 @@ def couple(
     for name, (leader, _, _) in leaders.items():
         groups.setdefault(leader, []).append(name)
     found: dict[str, tuple[float, float]] = {}
-    # First those whose <mimic> names a joint elsewhere: where nothing tells their motion, that is why.
+    # First those whose <mimic> names a joint elsewhere: where their motion is given nowhere, that is why.
     for leader, members in sorted(groups.items(), key=lambda group: moving[group[0]].mimic is None):
         ratio, offset = _of_leader(leader, members, given, leaders, moving, path)
         for name in members:
@@ -137,7 +137,7 @@ def _agreed(
             path=path,
             key=f"joints.{name}",
             value=f"ratio {own[0]:g}, offset {own[1]:g}",
-            fix="Leave the joint out of the file: the URDF tells its motion",
+            fix="Leave the joint out of the file: the URDF gives its motion",
         )
     return own
 

@@ -24,7 +24,7 @@ SIDE = np.array([-1.0, 1.0])  # of the two pads along the TCP's x
 DECIMALS = 9  # a nanometre: what forward kinematics rounds must not make mirrored pads unequal
 STANDS_PARALLEL = np.deg2rad(1.0)  # a link that turns less over the stroke keeps its face across TCP x
 STEEPEST = np.deg2rad(45)  # friction of 1; a face that turns further from TCP x pushes objects out
-NEAR_SURFACE = 0.005  # m between a pad's centre and its finger's surface, for the surface to tell its normal
+NEAR_SURFACE = 0.005  # m between a pad's centre and its finger's surface, for the surface to give its normal
 STANDS_OUT = 0.002  # m of finger before the pad's face, or of air behind it, that is a mistake
 FAR_FROM_TCP = 0.03  # m; a linkage moves the middle of the pads by 1 cm
 PROBES = 3  # rays per side of a pad, in its middle 80 %
@@ -129,7 +129,7 @@ def pad_table(
     """The places of the pads at each opening.
 
     Args:
-        openings: of the table [m].
+        openings: openings of the table [m].
         link_poses: `tcp_from_link` of every link at an opening [m].
     """
     centres, normals = [], []
@@ -152,14 +152,14 @@ def pad_normal(
     path: Path,
     key: str,
 ) -> Float[np.ndarray, "3"]:
-    """Direction in which a pad faces, in its link's frame, where the YAML does not tell it.
+    """Direction in which a pad faces, in its link's frame, where the YAML does not give it.
 
     A link that does not turn faces the other pad squarely; of one that turns, its surface under the pad's
-    centre tells.
+    centre gives it.
 
     Args:
-        side: of the pad along TCP x, -1 or 1.
-        tcp_from_links: of the link, from the smallest to the largest opening.
+        side: side of the pad along TCP x, -1 or 1.
+        tcp_from_links: poses of the link, from the smallest to the largest opening.
 
     Raises:
         GripperError: the link turns and no surface is near the pad's centre.
@@ -178,7 +178,7 @@ def pad_normal(
             return normal
     raise GripperError(
         f"its link {link.name} turns by {np.degrees(angle):.0f} degrees over the stroke, "
-        "and no face of the link near the pad's centre tells how the pad faces",
+        "and no face of the link near the pad's centre shows how the pad faces",
         path=path,
         key=key,
         fix="Give its direction in the link's frame as normal: [x, y, z], or put the centre on the face",
@@ -189,7 +189,7 @@ def check_pads(pads: Sequence[Pad], table: PadTable, path: Path) -> None:
     """Refuse pads that do not face each other, or are not around the TCP, anywhere on the wanted stroke.
 
     Raises:
-        GripperError: with the opening at which it is so, and the number.
+        GripperError: they do not; with the opening at which it is so, and the number.
     """
     for opening, middle, across, normals in zip(
         table.openings, table.middles, table.across, table.normals, strict=True

@@ -44,7 +44,7 @@ def solid_shapes(part: Any, link: str, path: Path) -> tuple[Shape, ...]:
     """The convex solids of a URDF's `<collision>` or `<visual>`; a mesh that is not convex is decomposed.
 
     Args:
-        part: as yourdfpy reads it.
+        part: the part as yourdfpy reads it.
         link: its name, for messages.
         path: the URDF.
 

@@ -33,12 +33,12 @@ class Prediction(NamedTuple):
         offset_log_scale: logarithm of its Laplace scale [OFFSET_UNIT].
         flow: from the cell's pixel to where the point is observed [FLOW_UNIT].
         flow_log_scale: logarithm of its Laplace scale [FLOW_UNIT].
-        mask_logit: of the observed object, at a quarter of the input's resolution.
+        mask_logit: logit that a pixel shows the observed object, at a quarter of the input's resolution.
         latent: what the assumed latent lacks, None from a network without this head.
         latent_log_scale: logarithm of the standard deviation of its error.
-        match_logit: that the observed object is of the category.
-        flow_spread: how far the members of an ensemble differ in the flow: standard deviation [FLOW_UNIT].
-        mask_spread: and in the mask's probability.
+        match_logit: logit that the observed object is of the category.
+        flow_spread: standard deviation of the flow among the members of an ensemble [FLOW_UNIT].
+        mask_spread: standard deviation of the mask's probability among them.
     """
 
     offset: Float[Any, "b 3 24 32"]

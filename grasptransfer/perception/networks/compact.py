@@ -23,7 +23,7 @@ class CompactFlowNet(nn.Module):
     """Encoder to stride 32 with a global context, decoder back to stride 8 (mask: 4).
 
     Args:
-        categories: how many it serves; each has its own last layer for the latent.
+        categories: number of categories that it serves; each has its own last layer for the latent.
         width: factor on the number of channels; tests take less than 1.
     """
 

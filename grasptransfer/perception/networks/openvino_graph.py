@@ -34,10 +34,10 @@ class OpenvinoNetwork:
     """An ensemble of compact networks that answers for one category; usable from any thread.
 
     Args:
-        tensors: of the ensemble, by their names.
-        members: how many networks it has.
-        number: of the category.
-        threads: to compute with.
+        tensors: tensors of the ensemble, by their names.
+        members: number of its networks.
+        number: number of the category.
+        threads: number of threads to compute with.
     """
 
     def __init__(self, tensors: Mapping[str, np.ndarray], members: int, number: int, *, threads: int):
@@ -117,8 +117,8 @@ class _Layers:
     """Layers by the names of their weights.
 
     Args:
-        tensors: by their whole names.
-        prefix: of the names of these layers.
+        tensors: all tensors, by their whole names.
+        prefix: prefix of the names of these layers.
     """
 
     def __init__(self, tensors: Mapping[str, np.ndarray], prefix: str = ""):
@@ -143,7 +143,7 @@ class _Layers:
         """Convolution to the input's size over the stride.
 
         Args:
-            padded_behind: as TensorFlow pads, more behind; else as much on both sides.
+            padded_behind: pad as TensorFlow does, more behind; else as much on both sides.
             each_channel: every channel is filtered by itself.
         """
         weight, bias = self._weights(name)

@@ -41,7 +41,7 @@ class PictureFeatures(nn.Module):
         """Features at strides 4, 8, 16 and 32.
 
         Args:
-            rgb: in [-1, 1].
+            rgb: pictures with values in [-1, 1].
         """
         chunks = [self._tapped(chunk) for chunk in rgb.split(CHUNK)]
         return [torch.cat(level) for level in zip(*chunks, strict=True)]

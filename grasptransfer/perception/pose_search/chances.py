@@ -51,7 +51,7 @@ class FittedChances:
         views: weights of `VIEW_TRAITS`.
         poses: weights of `POSE_TRAITS`.
         along_ray, across_ray: standard deviations of a right proposal, shares of the distance.
-        turn: about each axis [deg].
+        turn: deviation about each axis [deg].
     """
 
     views: Weights
@@ -101,7 +101,7 @@ def fit_weights_of_traits(
     """The weights under which the right alternatives of all pictures are likeliest.
 
     Args:
-        traits: of the alternatives of each picture.
+        traits: traits of the alternatives of each picture.
         right: which of them are right; several may be, or none.
         none: whether "none of them" is an alternative; without, pictures without a right one say nothing.
     """

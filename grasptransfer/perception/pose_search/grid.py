@@ -34,7 +34,7 @@ def pose_in_box(
     """The pose at which the projection of `points_object` [m] has the box's middle and its area.
 
     Args:
-        rotation: from object axes to those of a camera that looks at the box's middle.
+        rotation: rotation from object axes to those of a camera that looks at the box's middle.
     """
     pixel = np.array([box[0] + box[2], box[1] + box[3]]) / 2
     ray = camera.unproject(pixel, np.array(1.0))
