@@ -210,6 +210,9 @@ def wrong(settings, key, value):
         ("hold_force", "300"),
         ("mass_limits", (1.0, 0.05)),
         ("mass_limits", (-1.0, 1.0)),
+        ("mass_limits", (1.0,)),
+        ("mass_limits", None),
+        ("name", None),
         ("support", "water"),
     ],
 )

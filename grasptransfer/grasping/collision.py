@@ -179,14 +179,16 @@ def _closes_alike(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, o
 def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening: float) -> GraspCheck:
     """Status of one opening: at the grasp, then along the way in."""
     opened, pose = OpenedGripper(gripper, opening), grasp.object_from_gripper
-    pairs = world.touching(pose, opened) or world.swallowed(pose, opened)
+    touching = world.touching(pose, opened)
+    pairs = touching or world.swallowed(pose, opened)
     if pairs:
         hit = {opened.parts[i].name for i, j in pairs if j == 0}
         touch = world.deepest(pose, opened, pairs)
         if all(hit & body for body in gripper.pad_bodies) and opening > gripper.max_width - 1e-6:
             reason = f"both fingers hit the object with the gripper fully open ({opening * 1e3:.0f} mm)"
             return _blocked(CheckStatus.TOO_WIDE, reason, opening, touch)
-        return _blocked(CheckStatus.IN_COLLISION, _overlap(touch), opening, touch)
+        reason = _overlap(touch) if touching else f"{touch.link} lies inside {touch.obstacle}"
+        return _blocked(CheckStatus.IN_COLLISION, reason, opening, touch)
     steps = max(1, int(np.ceil(grasp.approach_distance / STEP)))
     back = pose.copy()
     for distance in np.linspace(grasp.approach_distance, 0, steps, endpoint=False):

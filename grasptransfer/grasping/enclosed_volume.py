@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from grasptransfer.errors import MeshError
 from grasptransfer.grasping.surface import Surface
 
 if TYPE_CHECKING:
@@ -89,4 +90,8 @@ def _united(closed: "trimesh.Trimesh") -> tuple[float, Float[np.ndarray, "3"]]:
 def _closed(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
     """A closed surface, for mass and its centre."""
     closed = Surface(mesh).mesh
-    return closed if closed.is_watertight else closed.convex_hull
+    if closed.is_watertight:
+        return closed
+    if np.linalg.matrix_rank(closed.vertices - closed.vertices.mean(axis=0), tol=1e-6) < 3:
+        raise MeshError("is flat: it encloses nothing", key="mesh", value=closed.extents.tolist())
+    return closed.convex_hull

@@ -47,6 +47,9 @@ class Symmetry:
         return tuple(float(turn) for turn in np.linspace(low, high, self.samples, endpoint=not closed))
 
 
+LONGEST = 5.0  # m: anything longer was given in millimetres
+
+
 @dataclass(frozen=True)
 class Grasp:
     """A grasp of the canonical model.
@@ -86,7 +89,13 @@ def keep_pose_and_contacts(grasp: Any, pose: str) -> None:
 
     Raises:
         PoseError: the pose is not rigid, or in millimetres.
+        GraspFileError: a length that is none.
     """
+    for key in ("width", "approach_distance", "opening"):
+        value = getattr(grasp, key)
+        if value is not None and not 0 <= value <= LONGEST:
+            message = f"must be a length from 0 to {LONGEST:g} m"
+            raise GraspFileError(message, key=f"{grasp.name}.{key}", value=value)
     a_from_gripper = check_rigid(getattr(grasp, pose), f"{grasp.name}: {pose}")
     kept = {pose: a_from_gripper}
     if grasp.contacts is not None:

@@ -1,16 +1,17 @@
 """What stands around the object: obstacles and a support plane."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from grasptransfer.camera import Camera
 from grasptransfer.data_files import read_yaml
 from grasptransfer.errors import PoseError, SceneError, in_millimetres
-from grasptransfer.frames import check_rigid
+from grasptransfer.grasping.obstacles import checked_obstacle, depth_cloud
 from grasptransfer.grasping.surface import LARGEST_EXTENT
 from grasptransfer.meshes import MeshLimits, load_mesh
 from grasptransfer.perception.standing import Support
@@ -31,46 +32,33 @@ class Scene:
     """Everything a gripper must not touch, apart from the object itself.
 
     Args:
-        obstacles: name, mesh in its own frame [m], `camera_from_obstacle` (4, 4) of each.
+        obstacles: name, mesh or cloud in its own frame [m], `camera_from_obstacle` (4, 4) of each; a cloud
+            is a trimesh `PointCloud` or an array (m, 3), and may show the object, too.
         support_plane: a point [m] and the normal towards the free side, camera frame; None: no plane.
         stands: the object stands on the plane: where its lowest points lie is then known, and says how far
             away the object is.
         stands_sigma: how sure that is, standard deviation of their height above the plane [m].
 
     Raises:
-        SceneError: two obstacles of one name, a plane that is none, or an object that stands on none.
+        SceneError: an obstacle that is none, two of one name, a plane that is none, or an object that stands
+            on none.
         PoseError: an obstacle's pose is not rigid.
     """
 
     obstacles: "tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]" = ()
-    support_plane: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = field(default=None)
+    support_plane: Any = None
     stands: bool = False
     stands_sigma: float = STANDS_SIGMA
 
     def __post_init__(self):
-        names = [name for name, _, _ in self.obstacles]
+        obstacles = tuple(checked_obstacle(given) for given in self.obstacles)
+        names = [name for name, _, _ in obstacles]
         for name in names:
             if names.count(name) > 1:
                 raise SceneError("two obstacles share a name", key="obstacles", value=name)
-        checked = tuple(
-            (name, mesh, check_rigid(pose, f"obstacles.{name}.camera_from_obstacle"))
-            for name, mesh, pose in self.obstacles
-        )
-        for name, mesh, _ in checked:
-            _check_size(name, mesh)
-        object.__setattr__(self, "obstacles", checked)
+        object.__setattr__(self, "obstacles", obstacles)
         if self.support_plane is not None:
-            point, normal = (np.asarray(part, dtype=float) for part in self.support_plane)
-            finite = np.isfinite(point).all() and np.isfinite(normal).all()
-            if point.shape != (3,) or normal.shape != (3,) or not finite or np.linalg.norm(normal) < 1e-9:
-                raise SceneError(
-                    "must be a finite point and a normal that is not zero",
-                    key="support_plane",
-                    value=[point.tolist(), normal.tolist()],
-                )
-            if np.linalg.norm(point) > LARGEST_EXTENT:
-                raise in_millimetres(SceneError, key="support_plane.point", value=point.tolist())
-            object.__setattr__(self, "support_plane", (point, normal / np.linalg.norm(normal)))
+            object.__setattr__(self, "support_plane", _checked_plane(self.support_plane))
         if self.stands and self.support_plane is None:
             raise SceneError("needs a support_plane to stand on", key="stands", value=self.stands)
         if not SUREST <= self.stands_sigma <= VAGUEST:
@@ -85,11 +73,40 @@ class Scene:
             return None
         return Support(*self.support_plane, self.stands_sigma)
 
+    @staticmethod
+    def of_depth(
+        depth: Float[np.ndarray, "h w"],
+        camera: Camera,
+        *,
+        without: Bool[np.ndarray, "h w"] | None = None,
+        support_plane: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = None,
+    ) -> "Scene":
+        """What a depth picture shows, as one obstacle; what lies on the reconstruction is the object's.
 
-def _check_size(name: str, mesh: "trimesh.Trimesh"):
-    size = float(np.max(mesh.extents))
-    if size > LARGEST_EXTENT:
-        raise in_millimetres(SceneError, key=f"obstacles.{name}", value=f"{size:g} long")
+        Args:
+            depth: along the optical axis [m]; 0 or not finite: missing.
+            without: pixels that are left out, such as the object's and the robot's own.
+            support_plane: as of a `Scene`.
+
+        Raises:
+            SceneError: the sizes differ, or no pixel is left.
+        """
+        cloud = depth_cloud(depth, camera, without=without)
+        return Scene((("depth", cloud, np.eye(4)),), support_plane)
+
+
+def _checked_plane(given: object) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    try:
+        point, normal = (np.array(part, dtype=float) for part in given)  # pyright: ignore[reportGeneralTypeIssues]
+        right = point.shape == normal.shape == (3,) and bool(np.isfinite([point, normal]).all())
+    except (TypeError, ValueError):
+        right = False
+    if not right or np.linalg.norm(normal) < 1e-9:
+        message = "must be a finite point and a normal that is not zero"
+        raise SceneError(message, key="support_plane", value=str(given))
+    if np.linalg.norm(point) > LARGEST_EXTENT:
+        raise in_millimetres(SceneError, key="support_plane.point", value=point.tolist())
+    return point, normal / np.linalg.norm(normal)
 
 
 class _ObstacleModel(Strict):

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 LARGEST_EXTENT = 20.0  # m; beyond it a mesh was given in millimetres
 SURFACE_SAMPLES = 4000  # points that measure how deep something reaches in; about 3 mm apart on a mug
+# Share of the sphere that a surface hides: beyond, its holes are faults; inside an open bin it is 0.8.
+ENCLOSED = 0.9
 GRAZING = 1e-6  # m past a hit before the next cast, so that it does not hit the same triangle
 
 
@@ -93,12 +95,18 @@ class Surface:
         return np.where(faces >= 0, hits["tfar"].astype(float), np.inf), faces
 
     def contains(self, points: Float[np.ndarray, "m 3"]) -> Bool[np.ndarray, "m"]:
-        """Which points are inside; none where the mesh is not closed.
+        """Which points are inside; of a mesh that is not closed, those that it encloses but for small holes.
 
-        Parity of hits along one slanted direction, so that an axis-aligned edge is not met by design.
+        Parity of hits along one slanted direction, so that an axis-aligned edge is not met by design;
+        without a closed surface, the winding number.
         """
         inside = np.zeros(len(points), dtype=bool)
-        if not self.is_watertight or not len(points):
+        if not len(points):
+            return inside
+        if not self.is_watertight:
+            low, high = self.mesh.bounds
+            within = np.flatnonzero(((low < points) & (points < high)).all(axis=1))
+            inside[within] = [abs(self._winding(point)) > ENCLOSED for point in points[within]]
             return inside
         direction = np.array([0.2672, 0.5345, 0.8018])
         origins, open_ = np.array(points, dtype=float), np.arange(len(points))
@@ -109,6 +117,19 @@ class Surface:
             inside[open_] ^= True
             origins[open_] += (distance[hit, None] + GRAZING) * direction
         return inside
+
+    def _winding(self, point: Float[np.ndarray, "3"]) -> float:
+        """Solid angle of the surface seen from a point, as a share of the sphere.
+
+        Van Oosterom and Strackee, "The solid angle of a plane triangle", 1983.
+        """
+        a, b, c = (np.asarray(self.mesh.triangles) - point).transpose(1, 0, 2)
+        lengths = [np.linalg.norm(corner, axis=1) for corner in (a, b, c)]
+        dots = [np.einsum("fi,fi->f", *pair) for pair in ((a, b), (b, c), (c, a))]
+        numerator = np.einsum("fi,fi->f", a, np.cross(b, c))
+        denominator = lengths[0] * lengths[1] * lengths[2]
+        denominator += dots[0] * lengths[2] + dots[1] * lengths[0] + dots[2] * lengths[1]
+        return float(np.arctan2(numerator, denominator).sum() / (2 * np.pi))
 
 
 def bvh_of(fcl: Any, mesh: "trimesh.Trimesh") -> Any:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from grasptransfer.frames import check_rigid, invert, transform_points
 from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.obstacles import surface_mesh
 from grasptransfer.grasping.scene import Scene
 from grasptransfer.grasping.surface import Surface, bvh_of
 from grasptransfer.grasping.surface_places import SURFACE_POINTS, SurfacePlaces
@@ -144,8 +145,9 @@ class CollisionWorld:
         scene = Scene() if scene is None else scene
         self.bodies = [(self.surface.name, self.surface, np.eye(4))]
         for name, obstacle, camera_from_obstacle in scene.obstacles:
-            placed = object_from_camera @ camera_from_obstacle
-            self.bodies.append((name, Surface(obstacle, name=name), placed))
+            shape, placed = surface_mesh(obstacle, object_from_camera @ camera_from_obstacle, self.points)
+            if shape is not None:
+                self.bodies.append((name, Surface(shape, name=name), placed))
         self._fcl = [
             fcl.CollisionObject(surface.bvh, fcl.Transform(placed[:3, :3], placed[:3, 3]))
             for _, surface, placed in self.bodies

@@ -47,6 +47,9 @@ _ADVICE = {
 }
 
 
+NEAR_LIMIT = 0.7  # Share of a limit, beyond which a verdict hangs on details of the physics.
+
+
 @dataclass(frozen=True)
 class Recording:
     """Where everything was during a trial, t moments.
@@ -77,6 +80,7 @@ class TrialResult:
         phase: phase of its end: `pre-check`, `settle`, `approach`, `close`, `lift`, `shake`, `turn`, `rest`.
         detail: one sentence with the numbers.
         slip_mm, slip_degrees: how far the object moved in the gripper after the fingers had closed.
+        limit_used: largest share of what the protocol allows of slip, turn and overlap; 1 ends the trial.
         max_penetration_mm: deepest overlap of gripper and object after the fingers had closed.
         width_mm: distance between the pads at the end.
         protocol, gripper, engine: their names.
@@ -92,6 +96,7 @@ class TrialResult:
     detail: str = ""
     slip_mm: float = 0.0
     slip_degrees: float = 0.0
+    limit_used: float = 0.0
     max_penetration_mm: float = 0.0
     width_mm: float = 0.0
     protocol: str = ""
@@ -107,6 +112,11 @@ class TrialResult:
     def held(self) -> bool:
         """Whether the object was still in the gripper at the end."""
         return self.status.held
+
+    @property
+    def near_limit(self) -> bool:
+        """Whether it was held, and so nearly not that the verdict may be another by the smallest change."""
+        return self.held and self.limit_used > NEAR_LIMIT
 
     def as_data(self) -> dict:
         """Plain data without the recording; `result_from_data` reads it."""
@@ -134,6 +144,7 @@ class Robustness:
     Args:
         grasp: name of the grasp.
         held, trials: counts; crashed trials count as neither.
+        near_limit: how many of those that were held were so only just.
         share: held / trials, NaN without trials.
         low, high: interval.
     """
@@ -144,6 +155,7 @@ class Robustness:
     share: float
     low: float
     high: float
+    near_limit: int = 0
 
 
 def wilson_interval(held: int, trials: int) -> tuple[float, float]:
@@ -169,5 +181,6 @@ def robustness(results: Iterable[TrialResult]) -> list[Robustness]:
         counted = [result.held for result in group if result.status is not TrialStatus.CRASHED]
         held, trials = sum(counted), len(counted)
         share = held / trials if trials else float("nan")
-        found.append(Robustness(name, held, trials, share, *wilson_interval(held, trials)))
+        near = sum(result.near_limit for result in group)
+        found.append(Robustness(name, held, trials, share, *wilson_interval(held, trials), near))
     return found

@@ -179,6 +179,8 @@ def load_protocol(protocol: str | Protocol) -> Protocol:
 
 
 def _checked(protocol: Protocol) -> Protocol:
+    if not isinstance(protocol.name, str) or not protocol.name:
+        raise SettingsError("must be a name", key="protocol.name", value=protocol.name)
     published = PROTOCOLS.get(protocol.name)
     if published is not None and published != protocol:
         raise SettingsError(
@@ -192,8 +194,7 @@ def _checked(protocol: Protocol) -> Protocol:
             "is unknown", key="protocol.support", value=protocol.support, choices=("air", "table")
         )
     _check_numbers(protocol, BOUNDS, "protocol")
-    low, high = protocol.mass_limits
-    if not 1e-3 <= low <= high <= 1000:
+    if not _mass_limits(protocol.mass_limits):
         raise SettingsError(
             "must be two masses in kg, the smaller first",
             key="protocol.mass_limits",
@@ -203,12 +204,21 @@ def _checked(protocol: Protocol) -> Protocol:
     return protocol
 
 
+def _mass_limits(given: object) -> bool:
+    numbers = isinstance(given, list | tuple) and all(
+        isinstance(one, int | float) and not isinstance(one, bool) for one in given
+    )
+    return numbers and len(given) == 2 and 1e-3 <= given[0] <= given[1] <= 1000  # pyright: ignore[reportArgumentType, reportIndexIssue]
+
+
 def check_perturbation(perturb: Perturbation) -> None:
     """Refuse errors that no trial could have.
 
     Raises:
         SettingsError: not a number, or outside what is possible.
     """
+    if not isinstance(perturb, Perturbation):
+        raise SettingsError("must be a Perturbation", key="perturbation", value=type(perturb).__name__)
     _check_numbers(perturb, PERTURBATION_BOUNDS, "perturbation")
 
 

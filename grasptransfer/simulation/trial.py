@@ -10,7 +10,7 @@ from grasptransfer.frames import invert, rotation_angle
 from grasptransfer.simulation import motion
 from grasptransfer.simulation.engines.seam import World
 from grasptransfer.simulation.job import Job
-from grasptransfer.simulation.outcome import TrialResult, TrialStatus
+from grasptransfer.simulation.outcome import NEAR_LIMIT, TrialResult, TrialStatus
 from grasptransfer.simulation.watched_motion import TrialEnded, WatchedMotion
 
 LEAST_ROOM = 0.001  # m: with less room on each side of the object the gripper does not get around it.
@@ -28,6 +28,8 @@ def run_trial(world: World, job: Job) -> TrialResult:
     try:
         Phases(watched).run()
         status, detail = TrialStatus.HELD, f"held to the end, {watched.slip_text()}"
+        if watched.limit_used > NEAR_LIMIT:
+            detail += f"; it came to {watched.limit_used:.0%} of a limit of {world.protocol.name}"
     except TrialEnded as end:
         status, detail = end.status, end.detail
     return TrialResult(
@@ -38,6 +40,7 @@ def run_trial(world: World, job: Job) -> TrialResult:
         detail=detail,
         slip_mm=round(watched.slip * 1e3, 4),
         slip_degrees=round(watched.slip_degrees, 4),
+        limit_used=round(watched.limit_used, 4),
         max_penetration_mm=round(watched.penetration * 1e3, 4),
         width_mm=round(world.width() * 1e3, 4),
         protocol=world.protocol.name,

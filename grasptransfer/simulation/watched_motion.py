@@ -33,6 +33,7 @@ class WatchedMotion:
         phase: phase of the trial.
         slip, slip_degrees: motion of the object in the gripper since the fingers closed [m, degrees].
         penetration: deepest overlap of gripper and object so far [m].
+        limit_used: largest share so far of what the protocol allows of slip, turn and overlap.
         target: `world_from_tcp` where the hand was last sent.
         tcp_from_object: the object in the gripper when the fingers had closed; None before.
         watch_every: steps between two checks.
@@ -44,6 +45,7 @@ class WatchedMotion:
         self.gripper = world.load(job.conditions)
         self.phase = "pre-check"
         self.slip = self.slip_degrees = self.penetration = 0.0
+        self.limit_used = 0.0
         self.target = np.eye(4)
         self.tcp_from_object: Float[np.ndarray, "4 4"] | None = None
         self.watch_every = max(1, round(WATCH / self.protocol.time_step))
@@ -92,6 +94,8 @@ class WatchedMotion:
         before = self.tcp_from_object[:3, :3] @ centre + self.tcp_from_object[:3, 3]
         self.slip = float(np.linalg.norm(now[:3, :3] @ centre + now[:3, 3] - before))
         self.slip_degrees = float(np.degrees(rotation_angle(moved[:3, :3])))
+        shares = self.slip / protocol.slip, self.slip_degrees / protocol.slip_degrees
+        self.limit_used = max(self.limit_used, *shares, self.penetration / protocol.penetration)
         if not (self.slip < protocol.slip and self.slip_degrees < protocol.slip_degrees):
             raise TrialEnded(self._slipped(), self.slip_text())
 

@@ -69,8 +69,7 @@ def build_shipped_category(
     instances = {**train, **test}
     moved = np.stack([surface.displacements(shape) for shape in instances.values()])
     weights = fit_weights(surface.points, choice.space, choice.regularisation, moved)
-    progress(f"{name}: accuracy of CPD")
-    progress(f"{name}: writing")
+    progress(f"{name}: accuracy of CPD, and writing")
     content = CategoryContent(
         name=name,
         description=curated.description,
