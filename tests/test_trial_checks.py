@@ -11,7 +11,14 @@ from simulated_box import BOX, PANDA, Placed, from_above, from_the_side, own
 from grasptransfer.errors import GraspFileError, MeshError, SettingsError
 from grasptransfer.grasping import load_gripper
 from grasptransfer.grasping.gripper import GRIPPER_FOLDER
-from grasptransfer.simulation import PROTOCOLS, Perturbation, TrialStatus, installed_engines, simulate
+from grasptransfer.simulation import (
+    PROTOCOLS,
+    Perturbation,
+    TrialStatus,
+    installed_engines,
+    robustness,
+    simulate,
+)
 from grasptransfer.simulation.body import body_of
 from grasptransfer.simulation.hand import hand_of
 from grasptransfer.simulation.setup import Setup
@@ -242,3 +249,18 @@ def test_a_negative_approach_and_flat_or_open_meshes_are_refused():
     for bad in (sheet, trimesh.Trimesh(), trimesh.PointCloud(np.random.default_rng(0).random((9, 3)))):
         with pytest.raises(MeshError):
             simulate([MIDDLE], bad)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_trial_that_is_held_only_just_says_so():
+    first = simulate([MIDDLE], BOX)[0]
+    assert first.held
+    assert 0 < first.limit_used < 0.5
+    assert not first.near_limit
+    # The same trial under limits of which it uses nine tenths.
+    scale = first.limit_used / 0.9
+    limits = {key: scale * getattr(own(), key) for key in ("slip", "slip_degrees", "penetration")}
+    just = simulate([MIDDLE], BOX, protocol=own(**limits))[0]
+    assert just.near_limit
+    assert just.limit_used == pytest.approx(0.9, abs=0.02)
+    assert "90% of a limit of own" in just.detail
+    assert robustness([first, just])[0].near_limit == 1
