@@ -5,6 +5,7 @@ as they will when they touch: a linkage moves them along z as it closes, and a j
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -47,6 +48,7 @@ class Closing:
     off_centre: Float[np.ndarray, "g"]
 
 
+@lru_cache(maxsize=8)
 def _pad_grid(gripper: Gripper) -> Float[np.ndarray, "2 r 2"]:
     """Ray origins on each pad, along its y and z from its centre [m]."""
     # Rays stand in the middles of equal cells: each speaks for its share of the pad.
@@ -70,7 +72,7 @@ def _ray_starts(
     starts = np.empty((len(opening), *grid.shape[:2], 3))
     # A tilted face is shorter, seen along TCP x.
     starts[..., 1:] = grid * np.sqrt(1 - faces.normals[..., 1:] ** 2)[:, :, None]
-    recede = np.einsum("gprk,gpk->gpr", starts[..., 1:], faces.slopes)
+    recede = (starts[..., 1:] @ faces.slopes[..., None])[..., 0]
     centres = gripper.pad_middle(opening)[:, None] + opening[:, None] / 2 * SIDE
     starts[..., 0] = centres[:, :, None] + recede
     starts[..., 1:] += faces.across[:, :, None]
@@ -82,7 +84,7 @@ def _rays(
 ) -> tuple[Float[np.ndarray, "g 2 r 3"], Float[np.ndarray, "g 2 r 3"]]:
     """Origins and directions of the rays from the pads inwards, object frame [m]."""
     rotation, position = object_from_gripper[:, :3, :3], object_from_gripper[:, :3, 3]
-    origins = np.einsum("gij,gprj->gpri", rotation, starts) + position[:, None, None]
+    origins = starts @ rotation[:, None].swapaxes(2, 3) + position[:, None, None]
     inward = -SIDE[None, :, None] * rotation[:, None, :, 0]
     return origins, np.broadcast_to(inward[:, :, None], origins.shape)
 
@@ -152,14 +154,14 @@ def _close_as(
     touching = np.isfinite(first)
     patch = (within <= first[..., None] + TOUCH) & touching[..., None]
     weight = patch / np.maximum(patch.sum(axis=2, keepdims=True), 1)
-    local = np.einsum("gpr,gprj->gpj", weight, starts)
+    local = (weight[:, :, None] @ starts)[:, :, 0]
     if gripper.pads_turn:  # the point of a tilted face that touches first, not the middle of those near it
         nearest = within.argmin(axis=2)[..., None]
         local[..., 0] = np.take_along_axis(starts[..., 0], nearest, axis=2)[..., 0]
     local[..., 0] -= SIDE * np.where(touching, first, 0.0)
     hits = origins + np.where(patch, within, 0.0)[..., None] * directions
-    points = np.einsum("gpr,gprj->gpj", weight, hits)
-    normals = _unit(np.einsum("gpr,gprj->gpj", weight, face_normals))
+    points = (weight[:, :, None] @ hits)[:, :, 0]
+    normals = _unit((weight[:, :, None] @ face_normals)[:, :, 0])
     facing = np.einsum("gij,gpj->gpi", rotation, pad_normals)
     nowhere, both = ~touching[..., None], touching.all(axis=1)
     return Closing(
