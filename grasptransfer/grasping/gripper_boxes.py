@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 from numba import njit
 
+from grasptransfer.frames import rigid
 from grasptransfer.grasping.gripper import Gripper
 
 COMPILE = {"nogil": True, "cache": True, "error_model": "numpy"}
@@ -36,20 +37,29 @@ class GripperBoxes:
 
 @lru_cache(maxsize=512)
 def gripper_boxes(gripper: Gripper, opening: float) -> GripperBoxes:
-    poses, placed, halves = gripper.link_poses(opening), [], []
-    for link in gripper.links:
-        for shape in link.shapes if link.collision is not None else ():
-            low, high = np.asarray(shape.mesh.bounds)
-            gripper_from_box = poses[link.name] @ shape.link_from_shape
-            gripper_from_box[:3, 3] += gripper_from_box[:3, :3] @ (low + high) / 2
-            placed.append(gripper_from_box)
-            halves.append((high - low) / 2)
-    gripper_from_boxes, halves = np.stack(placed), np.stack(halves)
+    links, link_from_boxes, halves = _boxes_on_links(gripper)
+    poses = gripper.link_poses(opening)
+    gripper_from_boxes = np.stack([poses[link] for link in links]) @ link_from_boxes
     turns, middles = gripper_from_boxes[:, :3, :3].transpose(0, 2, 1), gripper_from_boxes[:, :3, 3]
     around = np.einsum("bij,bi->bj", np.abs(turns), halves)
     places = -np.einsum("bij,bj->bi", turns, middles)
     turns, places, halves = (np.ascontiguousarray(part, np.float32) for part in (turns, places, halves))
     return GripperBoxes(turns, places, halves, np.stack([middles - around, middles + around]))
+
+
+@lru_cache(maxsize=8)
+def _boxes_on_links(
+    gripper: Gripper,
+) -> tuple[tuple[str, ...], Float[np.ndarray, "b 4 4"], Float[np.ndarray, "b 3"]]:
+    """Of every box the name of its link, its place on that [m] and half of its size [m]."""
+    links, placed, halves = [], [], []
+    for link in gripper.links:
+        for shape in link.shapes if link.collision is not None else ():
+            low, high = np.asarray(shape.mesh.bounds)
+            links.append(link.name)
+            placed.append(shape.link_from_shape @ rigid(np.eye(3), (low + high) / 2))
+            halves.append((high - low) / 2)
+    return tuple(links), np.stack(placed), np.stack(halves)
 
 
 def swept(
