@@ -12,6 +12,7 @@ from grasptransfer.frames import rigid
 from grasptransfer.grasping.gripper import Gripper
 
 COMPILE = {"nogil": True, "cache": True, "error_model": "numpy"}
+NOTHING = np.float32(0)
 
 
 @dataclass(frozen=True)
@@ -116,29 +117,28 @@ def _nearest(points, turns, places, boxes, corners, nearest):
         corners: (2, b + 1, 3) of what is near each box, and last of what is near any.
     """
     turned, moved, halves = boxes
-    all_of_them, x = len(halves), np.empty(3, np.float32)
+    parts = len(halves)
     for c in range(len(turns)):
         for p in range(len(points)):
-            inside = True
-            for axis in range(3):
-                x[axis] = 0
-                for j in range(3):
-                    x[axis] += turns[c, axis, j] * (points[p, j] - places[c, j])
-                if not corners[0, all_of_them, axis] < x[axis] < corners[1, all_of_them, axis]:
-                    inside = False
-                    break
-            if not inside:
+            dx, dy, dz = points[p, 0] - places[c, 0], points[p, 1] - places[c, 1], points[p, 2] - places[c, 2]
+            x = turns[c, 0, 0] * dx + turns[c, 0, 1] * dy + turns[c, 0, 2] * dz
+            y = turns[c, 1, 0] * dx + turns[c, 1, 1] * dy + turns[c, 1, 2] * dz
+            z = turns[c, 2, 0] * dx + turns[c, 2, 1] * dy + turns[c, 2, 2] * dz
+            if not (corners[0, parts, 0] < x < corners[1, parts, 0]
+                    and corners[0, parts, 1] < y < corners[1, parts, 1]
+                    and corners[0, parts, 2] < z < corners[1, parts, 2]):  # fmt: skip
                 continue
-            for b in range(all_of_them):
-                inside = True
-                for axis in range(3):
-                    inside &= corners[0, b, axis] < x[axis] < corners[1, b, axis]
-                if not inside:
+            for b in range(parts):
+                if not (corners[0, b, 0] < x < corners[1, b, 0] and corners[0, b, 1] < y < corners[1, b, 1]
+                        and corners[0, b, 2] < z < corners[1, b, 2]):  # fmt: skip
                     continue
-                outside, deepest = np.float32(0), np.float32(-np.inf)
-                for axis in range(3):
-                    along = turned[b, axis, 0] * x[0] + turned[b, axis, 1] * x[1] + turned[b, axis, 2] * x[2]
-                    beyond = abs(along + moved[b, axis]) - halves[b, axis]
-                    outside += max(beyond, np.float32(0)) ** 2
-                    deepest = max(deepest, beyond)
-                nearest[c] = min(nearest[c], np.sqrt(outside) + min(deepest, np.float32(0)))
+                along = turned[b, 0, 0] * x + turned[b, 0, 1] * y + turned[b, 0, 2] * z + moved[b, 0]
+                across = turned[b, 1, 0] * x + turned[b, 1, 1] * y + turned[b, 1, 2] * z + moved[b, 1]
+                up = turned[b, 2, 0] * x + turned[b, 2, 1] * y + turned[b, 2, 2] * z + moved[b, 2]
+                dx, dy, dz = abs(along) - halves[b, 0], abs(across) - halves[b, 1], abs(up) - halves[b, 2]
+                distance = max(dx, max(dy, dz))
+                if distance > 0:
+                    dx, dy, dz = max(dx, NOTHING), max(dy, NOTHING), max(dz, NOTHING)
+                    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+                if distance < nearest[c]:
+                    nearest[c] = distance
