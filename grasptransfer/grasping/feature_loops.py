@@ -1,4 +1,4 @@
-"""Loops over points of drawn objects near an opened gripper; each is dropped as soon as a coordinate is too far.
+"""Loops over points of drawn objects near an opened gripper; what is too far away is dropped at once.
 
 Compiled functions hold loops over numbers alone: what they call of numpy takes longest to compile, in every
 fresh installation.
