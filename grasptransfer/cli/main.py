@@ -3,6 +3,7 @@
 Exit codes: 0 done; 1 ran, and found no usable grasp or missed a bar; 2 wrong input.
 """
 
+import errno
 import logging
 import os
 import platform
@@ -18,6 +19,8 @@ from grasptransfer import __version__
 from grasptransfer.cli.parsing import Table, parsed
 from grasptransfer.errors import GraspTransferError
 
+# Disks that are full or read-only, where a library writes what it has compiled, say.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 # Each command as `module:function` of `grasptransfer.cli`; modules are imported when they are needed.
 GROUPS: dict[str, Table] = {
     "category": {
@@ -83,6 +86,11 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:  # whoever read the output, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)  # as shells report it
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        _print_error(f"{error.filename or 'a file'}: cannot be written. {error.strerror}")
+        sys.exit(2)
     sys.exit(code)
 
 

@@ -78,11 +78,25 @@ def _keep_display(platform: Any) -> None:
 
 
 class Renderer:
-    """Keeps one OpenGL context, and the meshes seen last ready to draw; use as a context manager."""
+    """Keeps one OpenGL context, and the meshes seen last ready to draw; use as a context manager.
+
+    Raises:
+        GraspTransferError: this machine cannot draw: a library or a device of EGL is missing.
+    """
 
     def __init__(self):
         pyrender = _pyrender()
-        self._context = pyrender.OffscreenRenderer(64, 64)
+        from OpenGL.error import Error
+
+        try:
+            self._context = pyrender.OffscreenRenderer(64, 64)
+        except (ValueError, Error) as error:  # ValueError: there is no device of that number
+            raise GraspTransferError(
+                "cannot draw here: EGL, which renders without a display, finds no device",
+                key="EGL",
+                value=str(error),
+                fix="sudo apt-get install libegl1 libgl1 libgl1-mesa-dri, which draw on the CPU",
+            ) from error
         _keep_display(self._context._platform)
         self._stages: dict[int, tuple[object, _Stage]] = {}
 

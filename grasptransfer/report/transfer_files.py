@@ -1,6 +1,8 @@
 """`grasptransfer transfer`: files in, files out; nothing is left half-written where something goes wrong."""
 
+import glob
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
@@ -12,6 +14,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from grasptransfer.errors import GraspTransferError
 from grasptransfer.files import write_whole, writing
 from grasptransfer.frames import invert
 from grasptransfer.grasping import placed_at
@@ -163,10 +166,24 @@ def replacing_files(out: Path):
     """A folder beside `out`; its files move into `out` once the block has ended well."""
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        made = tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent)
+        _remove_left(out)
+        made = tempfile.TemporaryDirectory(prefix=f".{out.name}.{os.getpid()}-", dir=out.parent)
     with made as name:
-        yield Path(name)
+        try:
+            yield Path(name)
+        except GraspTransferError as error:
+            if error.path is not None and Path(error.path).is_relative_to(name):
+                raise error.at(out / Path(error.path).relative_to(name)) from error
+            raise
         with writing(out):
             out.mkdir(exist_ok=True)
             for path in sorted(Path(name).iterdir()):
                 os.replace(path, out / path.name)
+
+
+def _remove_left(out: Path) -> None:
+    """Remove what killed processes left beside `out`."""
+    for path in out.parent.glob(f".{glob.escape(out.name)}.*-*"):
+        number = path.name.removeprefix(f".{out.name}.").partition("-")[0]
+        if number.isdecimal() and not Path(f"/proc/{number}").exists():
+            shutil.rmtree(path, ignore_errors=True)

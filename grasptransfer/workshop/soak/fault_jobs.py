@@ -39,20 +39,22 @@ class FaultJob:
         make: writes its inputs into a folder.
         command: the command, given the folder with the inputs; what it writes goes to `out` below it.
         result: what must be the same as of an undisturbed run, given the folder.
+        has_workers: whether it starts processes of its own.
     """
 
     name: str
     make: Callable[[Path], None]
     command: Callable[[Path], list[str]]
     result: Callable[[Path], Any]
+    has_workers: bool = True
 
 
 def fault_jobs() -> tuple[FaultJob, ...]:
     """All of them, in the order of the table."""
     return (
-        FaultJob("annotator, save", _grasps, _saving, lambda folder: (folder / "grasps.yaml").read_bytes()),
+        FaultJob("annotator, save", _grasps, _saving, _saved, has_workers=False),
         FaultJob("category build", _vases, _build, _built),
-        FaultJob("transfer FOLDER", _pictures, _transfer, _transferred),
+        FaultJob("transfer FOLDER", _pictures, _transfer, _transferred, has_workers=False),
         FaultJob("simulate --results", _nothing, _simulate, _trials),
         FaultJob("bench registration", _nothing, _bench("registration", "--views", "1", *SIMPLE), _document),
         FaultJob("bench pose-noise", _nothing, _bench("pose-noise", "--views", "1", *SIMPLE), _document),
@@ -80,6 +82,10 @@ def _grasps(folder: Path) -> None:
 
 def _saving(folder: Path) -> list[str]:
     return [sys.executable, "-c", SAVING, str(folder / "grasps.yaml")]
+
+
+def _saved(folder: Path) -> bytes:
+    return (folder / "grasps.yaml").read_bytes()
 
 
 def _vases(folder: Path) -> None:

@@ -150,10 +150,13 @@ def _disturbed(
         until = time.monotonic() + line["after"] * whole.seconds
         while time.monotonic() < until and process.poll() is None:
             time.sleep(0.01)
-        workers = [one.pid for one in _session(process.pid) if one.pid != process.pid]
+        workers = _workers(process.pid)
+        while line["victim"] == "worker" and job.has_workers and not workers and process.poll() is None:
+            time.sleep(0.05)  # They begin later, or have ended and others will begin.
+            workers = _workers(process.pid)
         if line["victim"] == "worker" and workers:
             target = int(rng.choice(workers))
-        else:  # before the workers begin and after their end, there is only the command
+        else:  # it has none, or none began any more
             target, line["victim"] = process.pid, "command"
         ended_first = process.poll() is not None
         if not ended_first:
@@ -206,6 +209,10 @@ def _session(leader: int) -> list[psutil.Process]:
         except (OSError, psutil.Error):
             continue
     return found
+
+
+def _workers(leader: int) -> list[int]:
+    return [one.pid for one in _session(leader) if one.pid != leader]
 
 
 def _left_behind(leader: int) -> str:
