@@ -116,8 +116,9 @@ class GraspTransfer:
         """
         from grasptransfer.perception.picture_lists import observe_all
 
-        seen = {"camera": camera, "box": box, "mask": mask}
-        found = self.finder.find(image, **seen) if pose is None else ()
+        seen, scene = {"camera": camera, "box": box, "mask": mask}, as_scene(scene)
+        support = None if scene is None else scene.support
+        found = self.finder.find(image, **seen, support=support) if pose is None else ()
         if found:
             pose, pose_sigma = found[0].camera_from_object, found[0].pose_sigma
         observation = observe_all(image, pose, views=views, **seen, depth=depth, pose_sigma=pose_sigma)

@@ -91,6 +91,28 @@ def test_a_box_that_is_none_is_refused_before_the_search(mug, seen):
         gt.find_pose(seen[0], mug, camera=CAMERA, box=(200, 10, 100, 50))
 
 
+def test_the_table_of_a_scene_on_which_the_object_stands_counts(flow, seen, monkeypatch):
+    class Asked(Exception):
+        pass
+
+    def find_in(finder, seen, *, camera_from_table=None):
+        raise Asked(camera_from_table)
+
+    monkeypatch.setattr(finder.PoseFinder, "find_in", find_in)
+    bottom = POSE @ rigid(np.eye(3), np.array([0.0, 0.0, -0.05]))
+    plane = bottom[:3, 3], POSE[:3, 2]
+    for stands in (True, False):
+        scene = gt.Scene(support_plane=plane, stands=stands)
+        with pytest.raises(Asked) as asked:
+            flow.transfer(seen[0], None, camera=CAMERA, box=seen[1], scene=scene)
+        table = asked.value.args[0]
+        if not stands:
+            assert table is None
+            continue
+        np.testing.assert_allclose(table[:3, 3], bottom[:3, 3])
+        np.testing.assert_allclose(table[:3, 2], POSE[:3, 2], atol=1e-12)
+
+
 def test_a_picture_without_box_or_mask_is_refused(mug, seen):
     with pytest.raises(ImageError, match=r"box.*needed to find a pose"):
         gt.find_pose(seen[0], mug, camera=CAMERA)

@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 from grasptransfer import given
 from grasptransfer.category import Category, load_category
 from grasptransfer.drawing.boxes import Box
 from grasptransfer.errors import ImageError, PoseError
-from grasptransfer.frames import check_rigid, rotation_angle, transform_points
+from grasptransfer.frames import check_rigid, rigid, rotation_angle, transform_points
 from grasptransfer.perception.estimate import Estimator, ShapeEstimate
 from grasptransfer.perception.observation import observe
 from grasptransfer.perception.pose_prior import PoseDeviation
@@ -121,13 +122,20 @@ class PoseFinder:
         box: given.Boxes = None,
         mask: given.Masks = None,
         camera_from_table: given.Matrix = None,
+        support: Support | None = None,
     ) -> tuple[FoundPose, ...]:
         """Proposals, the likeliest first; arguments as of `find_pose`, or a mask as of `transfer_grasps`.
+
+        Args:
+            support: in place of `camera_from_table`, the plane of a scene on which the object stands.
 
         Raises:
             GraspTransferError: as of `find_pose`.
         """
         seen = self.see(image, camera=camera, box=box, mask=mask)
+        if support is not None:
+            turn = Rotation.align_vectors([support.normal], [[0.0, 0.0, 1.0]])[0].as_matrix()
+            camera_from_table = rigid(turn, support.point)
         return self.find_in(seen, camera_from_table=camera_from_table)
 
     def find_in(self, seen: SeenBox, *, camera_from_table: given.Matrix = None) -> tuple[FoundPose, ...]:
