@@ -122,9 +122,8 @@ class GraspTransfer:
         if found:
             pose, pose_sigma = found[0].camera_from_object, found[0].pose_sigma
         observation = observe_all(image, pose, views=views, **seen, depth=depth, pose_sigma=pose_sigma)
-        wanted = {"found": found, "reachable": reachable, "prefer": prefer}
-        how = {"scene": scene, "world_from_camera": world_from_camera, "physics": physics, "strict": strict}
-        return self.answer(observation, **how, **wanted)
+        how = {"world_from_camera": world_from_camera, "physics": physics, "strict": strict}
+        return self.answer(observation, scene=scene, found=found, reachable=reachable, prefer=prefer, **how)
 
     def track(self, *, views: str = "moved camera", pose_noise: given.Sigmas = POSE_NOISE) -> Track:
         """Follow one object from picture to picture: what each leaves known is the prior of the next.
