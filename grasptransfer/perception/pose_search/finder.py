@@ -200,7 +200,7 @@ class PoseFinder:
             covariance[3:, 3:] = _shift_covariance(start, START_ALONG, START_ACROSS)
             given = replace(seen.observation, camera_from_object=start, pose_covariance=covariance)
             try:
-                estimate = self.estimator(given)
+                estimate, _ = self.estimator.assess(given)
                 traits = pose_traits(self.estimator, seen, estimate, float(np.log(shares[index] + 1e-6)))
             except PoseError:
                 continue  # the fit has lost the object from this view
