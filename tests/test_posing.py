@@ -127,6 +127,37 @@ def test_without_a_browser_a_proposal_is_written_as_it_is(session, tmp_path):
         write_proposal(session, replace(settings, proposal=3))
 
 
+def test_the_page_follows_what_a_person_does_and_answers_wrong_places(session, tmp_path):
+    import viser
+
+    from grasptransfer.posing.page import PosePage
+
+    server = viser.ViserServer(host="127.0.0.1", port=8931, verbose=False)
+    try:
+        page = PosePage(server, session, tmp_path / "pose.yaml")
+        assert "70% likely" in page.status.content
+        page._later(lambda: page._turned("half turn"))
+        page.refresh()
+        np.testing.assert_allclose(session.now.camera_from_object, TURNED, atol=1e-9)
+        np.testing.assert_allclose(page._pose(), TURNED, atol=1e-6)  # arrows and rings went along
+        page.distance.value = 0.7
+        page._typed()
+        page.refresh()
+        assert session.distance == pytest.approx(0.7)
+        away = POSE.copy()
+        away[0, 3] += 5
+        page._later(lambda: page._changed(lambda: session.move(away)))
+        page.refresh()
+        assert "outside" in page.status.content
+        page._later(page._save)
+        page.refresh()
+        assert page.saved
+        written = read_pose(page.path).camera_from_object
+        np.testing.assert_allclose(written, session.now.camera_from_object, atol=1e-9)
+    finally:
+        server.stop()
+
+
 def test_sides_are_named_as_the_object_has_them():
     assert seen_from(look_at(1.0, np.deg2rad(30), np.deg2rad(20))) == (
         "seen from 30 degrees to the left of its front, 20 above"
