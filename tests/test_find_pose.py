@@ -183,3 +183,21 @@ def test_errors_of_proposals_are_those_made():
     away[0, 3] += 0.05
     half = pose_error(away, POSE, (0.0,), found_bounds=BOUNDS, true_bounds=BOUNDS)
     assert 0.1 < half.iou < 0.6
+
+
+def test_the_benchmark_counts_the_first_proposal_and_the_best():
+    from grasptransfer.workshop.benchmark.pose_summary import summarise_poses
+    from grasptransfer.workshop.benchmark.tables import rows_table
+
+    near = {"chance": 0.2, "degrees": 4.0, "metres": 0.03, "iou": 0.6}
+    far = {"chance": 0.7, "degrees": 170.0, "metres": 0.02, "iou": 0.4}
+    rows = [
+        {"category": "mug", "image": "a.png", "seconds": 1.0, "proposals": [far, near]},
+        {"category": "mug", "image": "b.png", "seconds": 2.0, "proposals": []},
+    ]
+    summary = summarise_poses(rows)
+    assert (summary["pictures"], summary["without_proposal"]) == (2, 1)
+    assert (summary["deg10_cm10"], summary["deg10_cm10_best_of_list"]) == (0, 0.5)
+    assert (summary["deg5_cm5_best_of_list"], summary["iou50_best_of_list"]) == (0.5, 0.5)
+    assert summary["stated"] == pytest.approx(0.35)
+    assert rows_table({"benchmark": "pose", "rows": rows}) is None

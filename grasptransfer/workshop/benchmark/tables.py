@@ -14,6 +14,8 @@ def rows_table(result: dict) -> Table | None:
         return _refusals_table(rows)
     if rows and "stage" in rows[0]:
         return _stages_table(rows)
+    if rows and "proposals" in rows[0]:
+        return None  # of a list of poses the summary says all
     if rows and "image" in rows[0]:
         return _photos_table(rows)
     if rows and "usable_held" in rows[0]:
