@@ -18,6 +18,7 @@ from grasptransfer.files import write_whole
 DOCUMENTS = objects_folder() / "models" / "figures"
 PAGE, README = Path("docs/figures.md"), Path("README.md")
 START, END = "<!-- figures: python -m grasptransfer.workshop.figures -->", "<!-- end of figures -->"
+TESTED = "<!-- tested: python -m grasptransfer.workshop.soak summary -->", "<!-- end of tested -->"
 ESTIMATORS = ("gt", "rgb", "rgbd", "cls", "cpd", "similarity", "rigid")
 NAMES = {"gt": "true field", "cls": "CLS (depth)", "cpd": "CPD (depth)", "rgbd": "rgbd (depth)"}
 FOLDERS = {"meshes", "photos", "weights", "data"}
@@ -78,16 +79,24 @@ def read_documents() -> list[tuple[str, dict]]:
 
 
 def with_figures(readme: str, documents: Sequence[tuple[str, dict]]) -> str:
-    """The README with its table made anew.
+    """The README with its tables made anew; what long runs tested, too, once they were kept.
 
     Raises:
-        SettingsError: it holds no place for the table.
+        SettingsError: it holds no place for a table.
     """
-    if START not in readme or END not in readme:
-        raise SettingsError("holds no place for the figures", path=README, key=START)
-    before, rest = readme.split(START)
-    _, after = rest.split(END)
-    return f"{before}{START}\n\n{_readme_table(documents)}\n\n{END}{after}"
+    readme = _with_table(readme, START, END, _readme_table(documents))
+    for _, document in documents:
+        if document["benchmark"] == "soak":
+            readme = _with_table(readme, *TESTED, _soak_table(document))
+    return readme
+
+
+def _with_table(readme: str, start: str, end: str, table: str) -> str:
+    if start not in readme or end not in readme:
+        raise SettingsError("holds no place for the table", path=README, key=start)
+    before, rest = readme.split(start)
+    _, after = rest.split(end)
+    return f"{before}{start}\n\n{table}\n\n{end}{after}"
 
 
 def _slim(value):
@@ -191,6 +200,17 @@ def _summary_table(document: dict) -> str:
     return _table(["measure", "value"], [[key, _number(value)] for key, value in numbers.items()])
 
 
+def _soak_table(document: dict) -> str:
+    """One line for each kind of long run."""
+    lines = []
+    for kind in dict.fromkeys(row["kind"] for row in document["rows"]):
+        rows = [row for row in document["rows"] if row["kind"] == kind]
+        of = ", ".join(row["subject"] for row in rows) if len(rows) <= 12 else f"{len(rows)} kinds"
+        sums = (sum(row[name] for row in rows) for name in ("tried", "failed", "lost"))
+        lines.append([kind, of, *(f"{count:,}" for count in sums)])
+    return _table(["tested", "of", "tried", "failed", "lost"], lines)
+
+
 def _readme_table(documents: Sequence[tuple[str, dict]]) -> str:
     """What a user gets: the best-ranked grasp, in every document that executed grasps."""
     lines = []
@@ -241,6 +261,7 @@ TABLES: dict[str, Callable[[dict], str]] = {
     "engines": _summary_table,
     "cpd": _summary_table,
     "latent-fit": _summary_table,
+    "soak": _soak_table,
 }
 
 

@@ -13,4 +13,5 @@ they were stopped. Short runs are part of the test suite.
 | `argument_values`, `arguments` | what callers may give, drawn by Hypothesis; calls that get it |
 | `fault_jobs`, `faults` | commands and what must come out of them; killed at random moments, and resumed |
 | `load` | many transfers in one process, in threads and in processes |
+| `summary` | all of it in one document, of which the README's table is made |
 """

@@ -1,4 +1,4 @@
-"""`python -m grasptransfer.workshop.soak [files | arguments | faults | load] …`: long runs, resumable."""
+"""`python -m grasptransfer.workshop.soak [files | arguments | faults | load | summary] …`: long runs."""
 
 import dataclasses
 import logging
@@ -25,6 +25,7 @@ from grasptransfer.workshop.soak.arguments import (
 from grasptransfer.workshop.soak.faults import FaultSettings, faults_table, run_faults
 from grasptransfer.workshop.soak.load import LoadSettings, load_table, run_load
 from grasptransfer.workshop.soak.run import SoakSettings, run_soak, soak_table
+from grasptransfer.workshop.soak.summary import NAME, summarise
 
 CONSOLE = Console()
 Out = Annotated[Path, tyro.conf.arg(help="folder for the document with the results.")]
@@ -81,6 +82,15 @@ def load(settings: LoadSettings, out: Out) -> int:
     return 1 if bad else 0
 
 
+def summary(out: Out) -> int:
+    """All runs of a folder in one document, soak.json, for `grasptransfer.workshop.figures --keep`."""
+    rows = summarise(out)
+    for row in rows:
+        CONSOLE.print(" ".join(f"{name} {value}" for name, value in row.items()), soft_wrap=True)
+    write_document(document("soak", settings={}, rows=rows, summary={}), out / NAME)
+    return 1 if any(row["failed"] or row["lost"] for row in rows) else 0
+
+
 def _shown(bar: Progress) -> Callable[[str, int, int], None]:
     task = bar.add_task("", total=None)
     return lambda name, done, total: bar.update(task, description=name, completed=done, total=total)
@@ -94,7 +104,7 @@ def _keep(name: str, settings: object, rows: list[dict], path: Path) -> None:
 if __name__ == "__main__":
     logging.basicConfig(level=logging.ERROR)
     words = sys.argv[1:]
-    commands = {"files": files, "arguments": arguments, "faults": faults, "load": load}
+    commands = {"files": files, "arguments": arguments, "faults": faults, "load": load, "summary": summary}
     try:
         sys.exit(
             tyro.extras.subcommand_cli_from_dict(
