@@ -146,3 +146,18 @@ def test_a_flat_mesh_encloses_nothing_to_weigh():
 def test_a_pose_that_is_none_is_refused_by_the_obstacles_name():
     with pytest.raises(PoseError, match=r"obstacles\.a\.camera"):
         Scene((("a", BOX, np.diag([1.0, 1, -1, 1])),))
+
+
+@pytest.mark.parametrize(("height", "status"), [(0.05, CheckStatus.BLOCKED_LIFT), (0.15, CheckStatus.FREE)])
+def test_a_hand_that_comes_from_the_side_is_lifted_free_of_a_shelf_above(height, status):
+    side = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # comes along y, closes along x
+    hand = PANDA.link_meshes(0.05)["panda_hand"].bounds  # its y is the object's -z
+    under = max(-hand[0, 1], hand[1, 1])
+    shelf = trimesh.creation.box(extents=(0.6, 0.6, 0.01)).apply_translation([0, 0, under + height + 0.005])
+    grasp = Grasp("g", "box", rigid(side, np.zeros(3)), 0.03, approach_distance=0.05)
+    world = CollisionWorld(BOX, Scene((("shelf", shelf, HERE),)))
+    result = check_grasps(on_canonical([grasp]), world, PANDA)[0]
+    assert result.status is status
+    if status is CheckStatus.BLOCKED_LIFT:
+        assert "above the grasp" in result.reason
+        assert result.obstacle == "shelf"

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from grasptransfer.grasping.closing import Closing, close_pads
 from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.grasping.passage import passage
 from grasptransfer.grasping.scene import Scene
 from grasptransfer.grasping.surface import Surface
 from grasptransfer.grasping.warping import WarpedGrasp
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 MARGIN = 0.002  # m kept from obstacles: a calibrated arm's own error, and some of a camera's
-NEAR = 0.01  # m: obstacles farther away are not measured exactly
+LIFT = 0.10  # m along which the closed hand is checked against obstacles, as the protocols lift
 STEP = 0.004  # m between checked poses of the approach: less than a third of a finger's thickness
 SWEEP_STEP = 0.010  # m of opening between checks of the closing: each finger moves half of it
 LEAST_ROOM = 0.001  # m on each side of the object, below which the opened gripper does not get around it
@@ -40,6 +41,7 @@ class CheckStatus(enum.Enum):
     FREE = "free"
     IN_COLLISION = "in collision"
     BLOCKED_APPROACH = "blocked approach"
+    BLOCKED_LIFT = "blocked lift"
     TOO_WIDE = "too wide"
     NO_CONTACT = "no contact"
     OUT_OF_SHAPE_SPACE = "out of the shape space"
@@ -61,6 +63,7 @@ _ADVICE = {
     CheckStatus.FREE: "The gripper reaches this grasp and closes on the object.",
     CheckStatus.IN_COLLISION: "Refine the grasp, use slimmer fingers, or clear the named obstacle away.",
     CheckStatus.BLOCKED_APPROACH: "Come in along another direction, or shorten approach_distance.",
+    CheckStatus.BLOCKED_LIFT: "Clear the named obstacle away, or take the object out another way.",
     CheckStatus.TOO_WIDE: "Use a gripper that opens wider, or grasp the object elsewhere.",
     CheckStatus.NO_CONTACT: "Refine the grasp: as it stands a pad closes beside the object.",
     CheckStatus.UNLIKELY_TO_HOLD: "Prefer another grasp: this one would slip on many plausible shapes.",
@@ -79,12 +82,12 @@ class GraspCheck:
         opening: distance between the pads on the way in [m].
         link, obstacle: what touches what, where something does.
         depth: how far the obstacle reaches into the link [m].
-        before_grasp: how far before the grasp the approach is blocked [m].
+        before_grasp: how far before the grasp the approach, or above it the lift, is blocked [m].
         contacts: points (2, 3) where the pads close, object frame [m], or None.
         width: distance between the pads then [m], or None.
         antipodality: cosine between the worse contact's normal and the closing axis; 1 is perfect.
-        room: between the opened gripper and the nearest obstacle, at the grasp and on the way in [m]; None
-            without obstacles.
+        room: between the gripper and the nearest obstacle, on the way in and in the lift [m]; None without
+            obstacles.
     """
 
     status: CheckStatus
@@ -199,33 +202,32 @@ def _approach(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, openi
             reason = f"{distance * 1e3:.0f} mm before the grasp, {_overlap(touch)}"
             return _blocked(CheckStatus.BLOCKED_APPROACH, reason, opening, touch, float(distance))
     check = _sweep(grasp, world, gripper, opening)
-    return _beside_obstacles(check, grasp, world, opened) if check.usable and world.has_obstacles else check
+    return _beside_obstacles(check, grasp, world, gripper) if check.usable and world.has_obstacles else check
 
 
 def _beside_obstacles(
-    check: GraspCheck, grasp: WarpedGrasp, world: CollisionWorld, opened: OpenedGripper
+    check: GraspCheck, grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper
 ) -> GraspCheck:
-    """Add the room beside obstacles, at the grasp and on the way in; refuse less than `MARGIN`."""
-    back, distance, room = grasp.object_from_gripper.copy(), 0.0, np.inf
-    while True:
-        beside = world.beside(back, opened)
-        nearest = int(np.argmin(beside.distance))
-        room = min(room, float(beside.distance[nearest]))
-        if room < MARGIN:
-            touch = Touch(beside.links[nearest], beside.obstacles[nearest], 0.0)
-            where = f"{distance * 1e3:.0f} mm before the grasp, " if distance else ""
-            reason = (
-                f"{where}{touch.link} passes {room * 1e3:.1f} mm beside {touch.obstacle}; "
-                f"{MARGIN * 1e3:.0f} mm are kept"
+    """Add the room beside obstacles, on the way in and in the lift; refuse less than `MARGIN`."""
+    pose, room = grasp.object_from_gripper, np.inf
+    closed = float(np.clip(grasp.width, *gripper.opening))
+    ways = (
+        (check.opening, -grasp.approach_distance * pose[:3, 2], "before", CheckStatus.BLOCKED_APPROACH),
+        (closed, LIFT * world.up, "above", CheckStatus.BLOCKED_LIFT),
+    )
+    for opening, way, where, status in ways:
+        nearest = passage(world, pose, OpenedGripper(gripper, opening), way, least=MARGIN)
+        room = min(room, nearest.room)
+        if nearest.room < MARGIN:
+            touch, before = Touch(nearest.link, nearest.obstacle, 0.0), nearest.distance or None
+            at = f"{nearest.distance * 1e3:.0f} mm {where} the grasp, " if before else ""
+            passes = f"{at}{touch.link} passes {nearest.room * 1e3:.1f} mm beside {touch.obstacle}"
+            reason, status = (
+                f"{passes}; {MARGIN * 1e3:.0f} mm are kept",
+                status if before else CheckStatus.IN_COLLISION,
             )
-            status = CheckStatus.BLOCKED_APPROACH if distance else CheckStatus.IN_COLLISION
-            return _blocked(status, reason, check.opening, touch, distance or None)
-        if distance >= grasp.approach_distance:
-            return dataclasses.replace(check, room=room)
-        # What is far away cannot come near within that way.
-        distance += max(STEP, float(beside.distance[nearest]) - min(room, NEAR))
-        distance = min(distance, grasp.approach_distance)
-        back[:3, 3] = grasp.object_from_gripper[:3, 3] - distance * back[:3, 2]
+            return _blocked(status, reason, check.opening, touch, before)
+    return dataclasses.replace(check, room=room)
 
 
 def _sweep(grasp: WarpedGrasp, world: CollisionWorld, gripper: Gripper, opening: float) -> GraspCheck:

@@ -181,6 +181,11 @@ class CollisionWorld:
         return pairs
 
     @property
+    def up(self) -> Float[np.ndarray, "3"]:
+        """Unit, object frame: away from the support plane, or without one the object's z axis."""
+        return np.array([0.0, 0.0, 1.0]) if self.support_plane is None else self.support_plane[1]
+
+    @property
     def has_obstacles(self) -> bool:
         """Whether anything but the object is there."""
         return len(self.bodies) > 1 or self.support_plane is not None
