@@ -74,10 +74,9 @@ def _card(
             [(what, *(show.format(one[key]) for one in scores)) for key, what, show in MEASURES],
         ),
         _spread(scores[1:]),
-        "## Confidence\n\nFitted after training to other shapes and to strangers (`confidence.py`), "
-        "and kept in the weight file: "
-        + ", ".join(f"{name} {value:.3g}" for name, value in confidence.as_data().items())
-        + ".",
+        "## Confidence\n\nFitted after training to other shapes and to wrong inputs of every kind (`confidence.py`), "
+        "and kept in the YAML file beside the weights: verdicts, preferences of poses, and overconfidence "
+        f"{confidence.overconfidence:.3g}.",
         "## Curve (training batches: offset [mm], flow [px], mask IoU)",
         _table(("step", *members), _curve(logs)),
     ]
