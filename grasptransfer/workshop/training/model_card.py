@@ -74,7 +74,7 @@ def _card(
             [(what, *(show.format(one[key]) for one in scores)) for key, what, show in MEASURES],
         ),
         _spread(scores[1:]),
-        "## Confidence\n\nFitted after training to other shapes and to wrong inputs of every kind (`confidence.py`), "
+        "## Confidence\n\nFitted after training to other shapes and to wrong inputs (`confidence.py`), "
         "and kept in the YAML file beside the weights: verdicts, preferences of poses, and overconfidence "
         f"{confidence.overconfidence:.3g}.",
         "## Curve (training batches: offset [mm], flow [px], mask IoU)",
