@@ -1,11 +1,13 @@
 """The fit of scores to executed grasps, and objects left out of it."""
 
 import dataclasses
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from grasptransfer.grasping.success_model import FEATURES, Ranking, expected_success
+from grasptransfer.workshop.benchmark import calibration
 from grasptransfer.workshop.benchmark.chance_fit import (
     best_of_pictures,
     fit_chances,
@@ -14,7 +16,7 @@ from grasptransfer.workshop.benchmark.chance_fit import (
     log_loss,
     weight_of_each,
 )
-from grasptransfer.workshop.benchmark.executed_grasps import Executed, found_objects
+from grasptransfer.workshop.benchmark.executed_grasps import PHOTO, Executed, found_objects
 
 MOMENT = FEATURES.index("moment")
 FIRM = np.tile(
@@ -96,3 +98,18 @@ def test_every_object_of_every_source_is_found(tmp_path):
     (tmp_path / "mug" / "blue").mkdir(parents=True)
     found = found_objects(("mug",), 2, tmp_path, None)
     assert [name for _, name in found] == ["random/random_78000000", "random/random_78000001", "mesh/blue"]
+
+
+def test_the_document_holds_present_fitted_and_left_out_figures(monkeypatch):
+    grasps = executed(lambda moment: 0.9 if moment < 3 else 0.2, 120, grasp="mug/rim_left")
+    rows = [asdict(one) | {"features": one.features.tolist(), "source": PHOTO} for one in grasps]
+    monkeypatch.setattr(calibration, "measure_instances", lambda *_, **__: [{"grasps": rows}])
+    result = calibration.run_calibration(calibration.CalibrationSettings(("mug",), objects=2))
+    summary = result["summary"]
+    assert summary["objects"] == 20
+    for name in ("rgb", "rgb_fitted", "rgb_left_out"):
+        for key in ("best_ranked_held", "stated", "ece", "brier"):
+            assert 0 <= summary[f"{key}_{name}"] <= 1
+    assert summary["brier_rgb_fitted"] < summary["brier_rgb"] + 0.02
+    assert {row["scores"] for row in result["rows"]} == {"present", "fitted", "left_out"}
+    assert {"told", "pose_sigma", "views_together"} <= result["settings"].keys()
