@@ -28,7 +28,7 @@ def executed(chance, count=300, *, grasp="drill/top", object=None, seed=0):
     """Grasps alike but for the moment of their weight, held with `chance(moment)`."""
     rng = np.random.default_rng(seed)
     grasps = []
-    for number, moment in enumerate(rng.uniform(0, 6, count)):
+    for number, moment in enumerate(rng.uniform(0, 4, count)):
         features = FIRM.copy()
         features[:, MOMENT] = moment
         held = bool(rng.random() < chance(moment))
@@ -38,7 +38,7 @@ def executed(chance, count=300, *, grasp="drill/top", object=None, seed=0):
     return grasps
 
 
-@pytest.mark.parametrize("middle", [2.0, 4.0])
+@pytest.mark.parametrize("middle", [1.5, 2.5])
 def test_the_fitted_chance_is_that_which_executed_grasps_show(middle):
     weights = fit_weights(executed(lambda moment: 1 / (1 + np.exp(2 * (moment - middle)))))
     for moment, chance in ((middle - 1.5, 0.95), (middle, 0.5), (middle + 1.5, 0.05)):
@@ -101,7 +101,7 @@ def test_every_object_of_every_source_is_found(tmp_path):
 
 
 def test_the_document_holds_present_fitted_and_left_out_figures(monkeypatch):
-    grasps = executed(lambda moment: 0.9 if moment < 3 else 0.2, 120, grasp="mug/rim_left")
+    grasps = executed(lambda moment: 0.9 if moment < 2 else 0.2, 120, grasp="mug/rim_left")
     rows = [asdict(one) | {"features": one.features.tolist(), "source": PHOTO} for one in grasps]
     monkeypatch.setattr(calibration, "measure_instances", lambda *_, **__: [{"grasps": rows}])
     result = calibration.run_calibration(calibration.CalibrationSettings(("mug",), objects=2))
