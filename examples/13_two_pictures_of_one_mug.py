@@ -45,6 +45,7 @@ def main():
         off = np.linalg.norm(result.camera_from_object[:3, 3] - first[:3, 3])
         size = np.abs(result.mesh.extents - true_size).max()
         sigma, best = result.pose_sigma_posterior, result.grasps[0]
+        assert sigma is not None
         print(f"{name:12s} pose off by {1e3 * off:4.1f} mm (sure to {1e3 * sigma.along_ray:.1f} on the ray), "
               f"size by {1e3 * size:4.1f} mm; best grasp {best.name}, score {best.score:.2f}")  # fmt: skip
     print(f"Look at {together.report('two_pictures.html')}")

@@ -55,6 +55,7 @@ def main():
         # Where the object was in the first frame, by what is known now.
         in_first = start @ invert(pose) @ result.camera_from_object
         off = np.linalg.norm(in_first[:3, 3] - first[:3, 3])
+        assert result.latent_covariance is not None
         unknown = np.sqrt(np.trace(result.latent_covariance[:5, :5]) / 5)
         best = result.grasps[0]
         print(f"{frame.name}: pose off by {1e3 * off:4.1f} mm, shape unsure to {unknown:.2f} sigma, "

@@ -107,7 +107,10 @@ def arrange(observation: Observation, vertices: Float[np.ndarray, "v 3"], *, ref
     if earlier is None:
         seen = sum(weights) if moved_camera else 1.0  # a pose that errs by itself is seen once
         return Arrangement(start, priors, places, sigma, None, 1.0, directions, pose_overconfidence(seen))
-    new = share_of_new(earlier.seen_from, directions)
+    new, together = (
+        share_of_new(earlier.seen_from, directions),
+        np.concatenate([earlier.seen_from, directions]),
+    )
     narrowed = with_latent_covariance(earlier.covariance, new * earlier.covariance[6:, 6:])
     known = earlier.pose_known and priors[0] is not None
     earlier = replace(earlier, covariance=narrowed, pose_known=known)
@@ -115,7 +118,6 @@ def arrange(observation: Observation, vertices: Float[np.ndarray, "v 3"], *, ref
         start = (earlier.camera_from_object, *start[1:])
         priors = (None, *priors[1:])
         sigma = PoseDeviation.of(earlier.camera_from_object, earlier.covariance[:6, :6])
-    together = np.concatenate([observation.earlier.seen_from, directions])
     seen = float(weights_of(together).sum()) if known else 1.0
     return Arrangement(start, priors, places, sigma, earlier, new, together, pose_overconfidence(seen))
 
@@ -161,6 +163,7 @@ def _centred_on_all(
         hessian = np.eye(3) / SHIFT_SIGMA**2
         pull = (start[:3, 3] - pose[:3, 3]) / SHIFT_SIGMA**2
         for picture, place in seen:
+            assert picture.box is not None
             own = place.camera_from_object((pose,))
             slope = _centre_by_shift(picture, own) @ own[:3, :3] @ pose[:3, :3].T
             precision = (BOX_SIGMA * _side(picture.box)) ** -2

@@ -44,9 +44,9 @@ def observe_all(image, pose, *, views=MOVED_CAMERA, camera=None, pose_sigma=None
     if len(image) == 0:
         raise ImageError("holds no picture", key="image", value=image)
     count = len(image)
-    lists: dict[str, Sequence[Any]] = {"pose": _list_of(pose, "pose", count)}
+    lists: dict[str, list[Any]] = {"pose": _list_of(pose, "pose", count)}
     lists |= {key: [None] * count if one is None else _list_of(one, key, count) for key, one in each.items()}
-    lists["pose_sigma"] = pose_sigma if _is_list_of_sigmas(pose_sigma, count) else [pose_sigma] * count
+    lists["pose_sigma"] = _sigmas(pose_sigma, count)
     lists["camera"] = _cameras(image, camera, count)
     pictures = []
     for number, one in enumerate(image):
@@ -55,7 +55,7 @@ def observe_all(image, pose, *, views=MOVED_CAMERA, camera=None, pose_sigma=None
     return replace(pictures[0], further=tuple(pictures[1:]), views=views)
 
 
-def _list_of(value: Any, key: str, count: int) -> Sequence[Any]:
+def _list_of(value: Any, key: str, count: int) -> list[Any]:
     """A value for each picture; a segmenter or detector serves all."""
     if callable(value):
         return [value] * count
@@ -68,10 +68,10 @@ def _list_of(value: Any, key: str, count: int) -> Sequence[Any]:
         raise EACH[key](
             f"must be a list of {count}, one for each picture", key=key, value=f"{len(value)} of them"
         )
-    return value
+    return list(value)
 
 
-def _cameras(images: Sequence[Any], camera: Any, count: int) -> Sequence[Any]:
+def _cameras(images: Sequence[Any], camera: Any, count: int) -> list[Any]:
     """A camera of each picture; one for all serves pictures of one size."""
     # A list of three rows is a matrix, as 3x3 intrinsics may be written.
     matrix = isinstance(camera, list | tuple) and len(camera) == 3 and np.shape(camera[0]) == (3,)
@@ -82,7 +82,7 @@ def _cameras(images: Sequence[Any], camera: Any, count: int) -> Sequence[Any]:
                 key="camera",
                 value=f"{len(camera)} of them",
             )
-        return camera
+        return list(camera)
     sizes = [read_image(image).shape[1::-1] for image in images]
     if len(set(sizes)) > 1:
         raise CameraError(
@@ -94,13 +94,13 @@ def _cameras(images: Sequence[Any], camera: Any, count: int) -> Sequence[Any]:
     return [camera] * count
 
 
-def _is_list_of_sigmas(pose_sigma: Any, count: int) -> bool:
-    """Whether it holds an uncertainty of each pose: two numbers, or six rows of six, are those of one."""
+def _sigmas(pose_sigma: Any, count: int) -> list[Any]:
+    """An uncertainty of each pose; two numbers, or six rows of six, are one for all."""
     if not isinstance(pose_sigma, list | tuple) or len(pose_sigma) != count:
-        return False
+        return [pose_sigma] * count
     numbers = all(np.ndim(one) == 0 and one is not None for one in pose_sigma)
     rows = count == 6 and all(np.shape(one) == (6,) for one in pose_sigma)
-    return not numbers and not rows
+    return [pose_sigma] * count if numbers or rows else list(pose_sigma)
 
 
 @contextmanager

@@ -174,7 +174,7 @@ def _read_picture(settings: TransferSettings, number: int) -> dict[str, Any]:
 
 def _of(files: tuple[Path, ...], number: int) -> Any:
     """The file of this picture; one serves all, and without any there is none."""
-    return None if not files else files[number] if len(files) > 1 else files[0]
+    return files[number if len(files) > 1 else 0] if len(files) else None
 
 
 def flow_of(settings: TransferSettings) -> GraspTransfer:

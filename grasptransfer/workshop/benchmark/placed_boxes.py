@@ -74,9 +74,9 @@ class PlacedTruth:
         """
         error = pose_error(found, true, self.turns, found_bounds=bounds, true_bounds=self.bounds)
         sizes = [float(np.linalg.norm(box[1] - box[0])) for box in (bounds, self.bounds)]
-        scaled = [_divided(pose, size) for pose, size in zip((found, true), sizes, strict=True)]
+        scaled = _divided(found, sizes[0]), _divided(true, sizes[1])
         boxes = {"found_bounds": bounds / sizes[0], "true_bounds": self.bounds / sizes[1]}
-        normalised = pose_error(*scaled, self.turns, **boxes)
+        normalised = pose_error(scaled[0], scaled[1], self.turns, **boxes)
         return PlacedScore(1e3 * error.metres, error.degrees, error.iou, normalised.iou)
 
 
