@@ -63,6 +63,7 @@ def test_a_factor_draws_values_on_both_sides():
     logarithms = np.log(seen.mass / 0.3)
     assert logarithms.mean() == pytest.approx(0, abs=1e-9)
     assert logarithms.std() == pytest.approx(np.log(1.5), rel=0.1)
+    assert seen.grip is not None
     np.testing.assert_allclose(seen.grip, 10.0)
 
 

@@ -111,7 +111,7 @@ def test_the_pose_file_holds_pose_and_uncertainty(session, tmp_path):
     path = session.save(tmp_path / "pose.yaml")
     read = read_pose(path)
     np.testing.assert_allclose(read.camera_from_object, POSE, atol=1e-9)
-    np.testing.assert_allclose(read.pose_sigma, session.now.pose_sigma, atol=1e-12)
+    assert read.pose_sigma == pytest.approx(session.now.pose_sigma, abs=1e-12)
     assert "# proposal 2: 20% likely" in path.read_text()
 
 

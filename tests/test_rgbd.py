@@ -229,6 +229,8 @@ def test_depth_of_a_second_side_says_more_of_the_shape(mug, renderer):
     one, both = (estimator(seen) for seen in (replace(together, further=()), together))
     errors = [np.linalg.norm(estimate.latent - true_latent) for estimate in (one, both)]
     assert errors[1] < errors[0]
+    assert both.latent_covariance is not None
+    assert one.latent_covariance is not None
     assert np.trace(both.latent_covariance) < np.trace(one.latent_covariance)
     # Poses that err each by itself do not say where the second camera stands.
     separate = estimator(replace(together, views="separate"))

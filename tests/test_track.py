@@ -92,7 +92,7 @@ def test_estimators_of_one_picture_refuse_several(pictures):
     both = [_given(picture) for picture in pictures[0]]
     with pytest.raises(SettingsError, match="one picture at a time"):
         gt.GraspTransfer("mug", estimator="rigid").transfer(
-            **{key: [one[key] for one in both] for key in both[0]}
+            **{key: [one[key] for one in both] for key in both[0]}  # pyright: ignore[reportArgumentType]
         )
 
 

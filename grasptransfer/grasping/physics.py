@@ -113,7 +113,7 @@ def _pair(given: Uncertain) -> tuple[float, float]:
 
 def _checked(key: str, given: object) -> Uncertain:
     low, high = BOUNDS[key]
-    values = tuple(given) if isinstance(given, list | tuple | np.ndarray) else (given,)
+    values: tuple[Any, ...] = tuple(given) if isinstance(given, list | tuple | np.ndarray) else (given,)
     numbers = all(
         isinstance(value, int | float | np.number) and not isinstance(value, bool) for value in values
     )

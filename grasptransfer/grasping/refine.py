@@ -134,6 +134,7 @@ class _Search:
         self._widen()
         self.opened = [OpenedGripper(gripper, float(opening)) for opening in self.openings]
         self.boxes = [gripper_boxes(gripper, float(opening)) for opening in self.openings]
+        assert world.points is not None
         self.near = [
             points_within(world.points[::2], pose, boxes, margin=FARTHEST)
             for pose, boxes in zip(self.best, self.boxes, strict=True)

@@ -145,7 +145,9 @@ class CollisionWorld:
         scene = Scene() if scene is None else scene
         self.bodies = [(self.surface.name, self.surface, np.eye(4))]
         for name, obstacle, camera_from_obstacle in scene.obstacles:
-            shape, placed = surface_mesh(obstacle, object_from_camera @ camera_from_obstacle, self.points)
+            placed = object_from_camera @ camera_from_obstacle
+            own = self.points
+            shape, placed = surface_mesh(obstacle, placed, own)  # pyright: ignore[reportArgumentType]
             if shape is not None:
                 self.bodies.append((name, Surface(shape, name=name), placed))
         self._fcl = [
@@ -207,7 +209,8 @@ class CollisionWorld:
             for part, link in zip(opened.parts, opened.bodies, strict=True):
                 result = fcl.DistanceResult()
                 distance = fcl.distance(link, body, fcl.DistanceRequest(enable_nearest_points=True), result)
-                away = np.subtract(*result.nearest_points) if distance > 0 else np.zeros(3)
+                first, second = result.nearest_points if distance > 0 else (0.0, np.zeros(3))
+                away = np.subtract(first, second)  # pyright: ignore[reportCallIssue, reportArgumentType]
                 rows.append((max(distance, 0.0), away / max(np.linalg.norm(away), 1e-9), part.name, name))
         if self.support_plane is not None:
             normal = object_from_gripper[:3, :3].T @ self.support_plane[1]

@@ -80,7 +80,7 @@ class Confidence:
         """The numbers of `as_data`; without those of the verdicts, the starting values stand for them."""
         others = {name: values[name] for name in OTHERS if name in values}
         if VERDICTS[0] not in values:
-            return Confidence(**others)
+            return Confidence(**others)  # pyright: ignore[reportArgumentType]
         table = np.array([values[name] for name in VERDICTS]).reshape(len(WRONG), len(TERMS))
         of_pass, of_pose = (np.array([values[name] for name in names]) for names in (PASS, POSE))
         return Confidence(table, of_pass, of_pose, **others)

@@ -74,7 +74,9 @@ def signs_of_pass(
         flow_spread: standard deviation among the ensemble's members of the flow of each visible cell [px].
         mask_spread: standard deviation of the mask's probability among them.
     """
-    shown = view.coordinates.any(-1)[MASK_STRIDE // 2 :: MASK_STRIDE, MASK_STRIDE // 2 :: MASK_STRIDE]
+    shown = np.any(view.coordinates, axis=-1)[
+        MASK_STRIDE // 2 :: MASK_STRIDE, MASK_STRIDE // 2 :: MASK_STRIDE
+    ]
     seen = mask > 0.5
     flow = np.linalg.norm(motion.pixels - view.cell_pixels, axis=1)
     return np.array(

@@ -50,7 +50,9 @@ class OneMember:
                 inputs = torch.from_numpy(pictures[start : start + CHUNK])
                 inputs = inputs.to(memory_format=torch.channels_last)
                 if shared is None or not same_picture:
-                    shared = self._network.picture_features(inputs[:1] if same_picture else inputs)
+                    shared = self._network.picture_features(  # pyright: ignore[reportCallIssue]
+                        inputs[:1] if same_picture else inputs
+                    )
                 features = shared
                 if same_picture and shared is not None:
                     features = [level.expand(len(inputs), -1, -1, -1) for level in shared]

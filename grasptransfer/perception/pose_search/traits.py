@@ -62,7 +62,7 @@ def _of_view(prediction: Prediction, index: int, view: CanonicalView) -> list[fl
     if not cells.any():
         return [-9.0, 3.0, 60.0, 3.0, 3.0, 0.0]  # as bad as any view that is seen
     match, latent = prediction.match_logit, prediction.latent
-    silhouette = view.coordinates.any(-1)[2::MASK_STRIDE, 2::MASK_STRIDE]
+    silhouette = np.any(view.coordinates, axis=-1)[2::MASK_STRIDE, 2::MASK_STRIDE]
     return [
         0.0 if match is None else float(match[index]),
         0.0 if latent is None else float(np.sqrt(np.mean(latent[index] ** 2))),

@@ -8,6 +8,7 @@ which they were checked and ranked.
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -71,7 +72,8 @@ class Executed:
     @classmethod
     def of(cls, row: dict) -> "Executed":
         """From a row of a benchmark's document."""
-        return cls(**row | {"features": np.array(row["features"], float)})
+        fields: dict[str, Any] = row | {"features": np.array(row["features"], float)}
+        return cls(**fields)
 
 
 @dataclass(frozen=True)

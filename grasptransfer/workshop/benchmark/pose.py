@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -172,7 +173,8 @@ class _Asked:
         """Errors of the proposals, and with `evidence` what the fitted chances depend on."""
         start = perf_counter()
         chances = FittedChances.read()
-        seen = finder.see(self.picture, camera=self.camera, box=self.box)
+        picture: Any = self.picture
+        seen = finder.see(picture, camera=self.camera, box=self.box)
         views = finder.score(seen)
         fits = finder.fit(seen, views, chances)
         seconds = perf_counter() - start
@@ -198,6 +200,7 @@ class _Asked:
 
     def _error(self, fit: Fitted, finder: PoseFinder) -> ProposalError:
         latent = fit.estimate.latent
+        assert latent is not None
         vertices = finder.category.vertices_by_latent.displaced(
             np.asarray(finder.category.canonical.vertices), latent
         )

@@ -117,7 +117,8 @@ def _registered(category: Category, mesh: trimesh.Trimesh | trimesh.Scene) -> De
     beta, lam = (category.file.measured.get(key) for key in ("cpd_beta", "cpd_lambda"))
     beta = beta if isinstance(beta, int | float) else settings.beta
     lam = lam if isinstance(lam, int | float) else settings.lam
-    return cpd(space.control_points, outer_surface(mesh, 2000), beta=beta, lam=lam).field
+    points = outer_surface(mesh, 2000)  # pyright: ignore[reportArgumentType]
+    return cpd(space.control_points, points, beta=beta, lam=lam).field
 
 
 def _random(category: Category, name: str) -> Instance:
