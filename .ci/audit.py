@@ -57,10 +57,10 @@ class Finding:
 def licence(package: Distribution) -> str:
     """The stated licence in one short line, "" if none is stated."""
     stated = package.metadata
-    expression = stated["License-Expression"]
+    expression = stated.get("License-Expression")
     classifiers = [text.split(" :: ")[-1] for text in stated.get_all("Classifier", []) if "License" in text]
     named = [text for text in classifiers if text != "OSI Approved"]
-    text = expression or ", ".join(named) or stated["License"] or ""
+    text = expression or ", ".join(named) or stated.get("License") or ""
     if not text or "\n" in text:
         text = _licence_of_text(text or _licence_file(package))
     return text if len(text) <= 60 else text[:57] + "..."

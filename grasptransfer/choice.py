@@ -1,8 +1,8 @@
 """Which of the usable grasps comes first: those that the robot reaches, and a choice that stays.
 
-The first grasp is that of the highest score, and stays the same where rounding decides: of grasps within
-`EQUAL` of it, the one annotated first. With a preferred grasp or direction, a usable grasp that agrees with
-it comes first unless another is better by more than `MARGIN`.
+The first grasp is that of the highest score; scores have six decimals, and of equals the one annotated first
+leads, so that the last bits of a number decide nothing. With a preferred grasp or direction, a usable grasp
+that agrees with it comes first unless another is better by more than `MARGIN`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from grasptransfer.result import TransferredGrasp, TransferResult
 if TYPE_CHECKING:
     from grasptransfer.perception.pose_search import FoundPose
 
-EQUAL = 0.002  # of score: below what any figure of ours distinguishes
 MARGIN = 0.05  # of score, by which another grasp must be better than the preferred one
 LEVER = 0.1  # m/rad: a turn by one radian counts as much as this shift, about a hand's length
 NEAR = 0.06  # m, turns included: a grasp farther from the preferred one is another grasp
@@ -60,10 +59,7 @@ def chosen(
 
 def in_order(grasps: Sequence[TransferredGrasp]) -> tuple[TransferredGrasp, ...]:
     """Best first, those that failed a check last; of equals the one annotated first leads."""
-    numbers = {id(grasp): number for number, grasp in enumerate(grasps)}
-    ordered = sorted(grasps, key=lambda grasp: (not grasp.usable, -grasp.score))
-    equal = [one for one in ordered if one.usable and one.score >= ordered[0].score - EQUAL]
-    return _with_first(ordered, min(equal, key=lambda one: numbers[id(one)])) if equal else tuple(ordered)
+    return tuple(sorted(grasps, key=lambda grasp: (not grasp.usable, -grasp.score)))
 
 
 def within_reach(grasps: Sequence[TransferredGrasp], reachable: Reachable) -> tuple[TransferredGrasp, ...]:
@@ -160,7 +156,7 @@ def _pose(grasp: TransferredGrasp) -> Float[np.ndarray, "4 4"]:
 def _unit(direction: object) -> Float[np.ndarray, " 3"]:
     try:
         vector = np.array(direction, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         vector = np.zeros(0)
     length = float(np.linalg.norm(vector))
     if vector.shape != (3,) or not np.isfinite(length) or length == 0:

@@ -202,13 +202,13 @@ class GraspTransfer:
             known = {"plausible": planned.plausible, "experience": self.experience}
             found = score_grasps(planned.grasps, planned.checks, self.gripper, **known)
         trust = estimate.trust
-        scores = [trust * score.chance for score in found]
+        scores = [round(trust * one.chance, 6) for one in found]  # no order by the last bits
         checks = mark_unlikely(planned.checks, scores, trust=trust)
         timings = estimate.timings | planned.timings | {"rank": time.perf_counter() - start}
         seen = pose, self.gripper, world_from_camera
         grasps = [
-            TransferredGrasp(warped, check, trust * one.chance, *seen, trust * one.deviation, physics.up)
-            for warped, check, one in zip(planned.grasps, checks, found, strict=True)
+            TransferredGrasp(warped, check, score, *seen, trust * one.deviation, physics.up)
+            for warped, check, score, one in zip(planned.grasps, checks, scores, found, strict=True)
         ]
         return TransferResult(
             grasps=in_order(grasps),

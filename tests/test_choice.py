@@ -7,7 +7,7 @@ import pytest
 from seen_mug import CAMERA, POSE, see_mug
 
 import grasptransfer as gt
-from grasptransfer.choice import EQUAL, MARGIN, distance, in_order, preferred
+from grasptransfer.choice import MARGIN, distance, in_order, preferred
 from grasptransfer.errors import SettingsError
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import CheckStatus
@@ -80,11 +80,16 @@ def test_a_callback_must_answer_true_or_false(flow, picture, wrong):
         flow.transfer(picture, POSE, **seen, reachable=lambda pose: wrong)
 
 
-def test_of_equals_the_one_annotated_first_leads_whatever_rounding_says(grasps):
-    for tiny in (-EQUAL / 2, 0.0, EQUAL / 2):
-        ordered = in_order(scored(grasps, 0.8, 0.8 + tiny, 0.8 - tiny))
-        assert ordered[0].name == grasps[0].name
-    assert in_order(scored(grasps, 0.8, 0.8 + 2 * EQUAL))[0].name == grasps[1].name
+def test_of_equals_the_one_annotated_first_leads(grasps):
+    assert in_order(scored(grasps, 0.8, 0.8, 0.8))[0].name == grasps[0].name
+    assert in_order(scored(grasps, 0.8, 0.800001))[0].name == grasps[1].name
+
+
+def test_scores_fall_from_the_first_usable_grasp_on_and_have_six_decimals(flow, picture):
+    found = [grasp.score for grasp in flow.transfer(picture, POSE, camera=CAMERA).usable]
+    assert len(found) > 1
+    assert found == sorted(found, reverse=True)
+    assert found == [round(score, 6) for score in found]
 
 
 def test_the_last_grasp_stays_unless_another_is_better_by_the_margin(grasps):

@@ -15,6 +15,7 @@ from grasptransfer.yaml_models import parse
 def given(**changes) -> dict:
     recipe = {
         "description": "Boxes.",
+        "density": 500,
         "train": [0, 1],
         "test": [2],
         "ranges": {"height": [0.1, 0.2]},

@@ -133,7 +133,7 @@ def test_a_negative_seed_is_refused(picture):
 
 def test_a_gpu_that_is_not_there_is_refused_with_what_is(picture, monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    with pytest.raises(SettingsError, match=r"not in this machine .*known: auto, cpu$"):
+    with pytest.raises(SettingsError, match=r"not in this machine .*known: auto, cpu\b"):
         gt.transfer_grasps(picture[0], POSE, "mug", camera=CAMERA, device="cuda")
 
 

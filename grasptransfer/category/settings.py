@@ -13,7 +13,7 @@ from grasptransfer.files import write_whole
 from grasptransfer.yaml_models import parse
 
 FILE_NAME = "category.yaml"
-DENSITY = 1000.0  # kg/m3, of a category that says none: plastics, and metal with air in it
+DENSITY = 500.0  # kg/m3, of a category that says none: that of the protocol `lift-shake-v1`
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # of a category: also a folder, and part of file names
 
 

@@ -67,12 +67,12 @@ def cells_of(
         cell: edge of the boxes [m].
     """
     import trimesh
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     points = points[np.linalg.norm(points, axis=1) < NEARBY]
     middles = (np.unique(np.floor(points / cell).astype(int), axis=0) + 0.5) * cell
     if len(middles):
-        middles = middles[cKDTree(own).query(middles)[0] > OWN]
+        middles = middles[KDTree(own).query(middles)[0] > OWN]
     if not len(middles):
         return None
     # A little smaller than the cells, so that no two boxes share a corner, and each is closed by itself.

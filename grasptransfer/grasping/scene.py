@@ -45,7 +45,7 @@ class Scene:
         PoseError: an obstacle's pose is not rigid.
     """
 
-    obstacles: "tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]" = ()
+    obstacles: Any = ()
     support_plane: Any = None
     stands: bool = False
     stands_sigma: float = STANDS_SIGMA
@@ -97,7 +97,7 @@ class Scene:
 
 def _checked_plane(given: object) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
     try:
-        point, normal = (np.array(part, dtype=float) for part in given)  # pyright: ignore[reportGeneralTypeIssues]
+        point, normal = (np.array(part, dtype=float) for part in given)
         right = point.shape == normal.shape == (3,) and bool(np.isfinite([point, normal]).all())
     except (TypeError, ValueError):
         right = False

@@ -4,7 +4,7 @@
 | --- | --- | --- |
 | exact | the true one | zero |
 | estimator | with errors as real estimators make them (`perception/pose_prior.py`) | nothing |
-| wide | wrong by up to 5 cm on each axis and 10 degrees | nothing |
+| wide | wrong by up to 5 cm on each axis and 10 degrees | 3 cm, 5 degrees: their standard deviations |
 
 `--pose-sigma` states another uncertainty with the same poses: `unsaid`, or numbers as `transfer` takes them.
 """
@@ -21,6 +21,7 @@ from grasptransfer.workshop.training.scenes import WIDE_NOISE, as_estimated
 EXACT, ESTIMATOR, WIDE = "exact", "estimator", "wide"
 REGIMES = (EXACT, ESTIMATOR, WIDE)
 UNSAID = "unsaid"
+STATED: dict[str, PoseSigma] = {EXACT: 0, WIDE: (0.03, 5.0)}  # m, degrees
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class GivenPoses:
         if told not in (*REGIMES, *names):
             raise SettingsError("unknown poses", key="told", value=told, choices=(*REGIMES, *names))
         if not said:
-            return cls(told, 0 if told == EXACT else None)
+            return cls(told, STATED.get(told))
         if said == (UNSAID,):
             return cls(told, None)
         try:
