@@ -12,9 +12,10 @@ from grasptransfer.workshop.benchmark.given_poses import REGIMES, GivenPoses
 POSE = look_at(0.8, 0.4, 0.6)
 
 
-def test_exact_poses_are_said_to_be_exact_and_the_others_are_not_spoken_of():
+def test_exact_poses_are_said_to_be_exact_wide_ones_wide_and_nothing_is_said_of_an_estimators():
     said = [GivenPoses.of(told).pose_sigma for told in REGIMES]
-    assert said == [0, None, None]
+    assert said == [0, None, (0.03, 5.0)]
+    assert GivenPoses.of("wide", ("unsaid",)).pose_sigma is None
     assert GivenPoses.of("exact", ("unsaid",)).pose_sigma is None
     assert GivenPoses.of("wide", ("0.02", "5")).pose_sigma == (0.02, 5)
 

@@ -9,6 +9,7 @@ import trimesh
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import (
     CollisionWorld,
+    Physics,
     PlausibleObjects,
     check_grasps,
     load_gripper,
@@ -31,7 +32,7 @@ def at(y, z=0.015):
 
 def placed(grasps, mesh=BEAM, plausible=None, scene=None, settings=None):
     world = CollisionWorld(mesh, scene)
-    plausible = plausible or PlausibleObjects.draw(mesh)
+    plausible = plausible or PlausibleObjects.draw(mesh, physics=Physics(mass=0.24))
     checks = check_grasps(grasps, world, PANDA)
     after = place_grasps(grasps, checks, world, PANDA, plausible=plausible, settings=settings)
     before, now = (rank_grasps(*pair, PANDA, plausible=plausible) for pair in ((grasps, checks), after))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from grasptransfer.category import load_category
+from grasptransfer.category import DENSITY, load_category
 from grasptransfer.frames import rigid
 from grasptransfer.grasping import PlausibleObjects, check_grasps, load_gripper, on_canonical, rank_grasps
 from grasptransfer.grasping.enclosed_volume import enclosed
@@ -181,7 +181,7 @@ def test_what_two_overlapping_parts_fill_weighs_once():
     block, other = trimesh.creation.box([0.04, 0.04, 0.1]), trimesh.creation.box([0.04, 0.04, 0.1])
     other.apply_translation([0.0, 0.0, 0.05])
     plausible = PlausibleObjects.draw(block + other, unknown=SURE)
-    assert likely_mass(plausible) == pytest.approx(1000 * 0.04 * 0.04 * 0.15)
+    assert likely_mass(plausible) == pytest.approx(DENSITY * 0.04 * 0.04 * 0.15)
     assert plausible.centres.mean(axis=0) == pytest.approx([0, 0, 0.025], abs=1e-4)
 
 
@@ -230,7 +230,7 @@ def test_a_cavity_weighs_nothing():
     knob.apply_translation([0.0, 0.0, 0.055])
     plausible = PlausibleObjects.draw(hollow + cavity + knob, unknown=SURE)
     filled = 0.05 * 0.05 * 0.1 - 0.03 * 0.03 * 0.08 + 0.02 * 0.02 * 0.015
-    assert likely_mass(plausible) == pytest.approx(1000 * filled)
+    assert likely_mass(plausible) == pytest.approx(DENSITY * filled)
 
 
 def test_a_reconstruction_weighs_what_its_canonical_model_does():

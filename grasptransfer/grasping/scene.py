@@ -71,7 +71,8 @@ class Scene:
         """What is known of where the object stands; None where nothing is said of it."""
         if not self.stands or self.support_plane is None:
             return None
-        return Support(*self.support_plane, self.stands_sigma)
+        point, normal = self.support_plane
+        return Support(point, normal, self.stands_sigma)
 
     @staticmethod
     def of_depth(
@@ -95,7 +96,7 @@ class Scene:
         return Scene((("depth", cloud, np.eye(4)),), support_plane)
 
 
-def _checked_plane(given: object) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+def _checked_plane(given: Any) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
     try:
         point, normal = (np.array(part, dtype=float) for part in given)
         right = point.shape == normal.shape == (3,) and bool(np.isfinite([point, normal]).all())
