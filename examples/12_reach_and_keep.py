@@ -22,7 +22,7 @@ def reach_of_panda():
     """A callback on `world_from_gripper`; the world is the robot's base."""
     hand_from_gripper = gt.load_gripper("panda").base_from_tcp
     try:
-        from frankik import FrankaKinematics, RobotType
+        from frankik import FrankaKinematics, RobotType  # pyright: ignore[reportMissingImports]
     except ImportError:
         print("frankik is not installed: reach is judged by distance alone")
         return lambda pose: bool(NEAREST < np.linalg.norm(pose[:3, 3] - SHOULDER) < FARTHEST)

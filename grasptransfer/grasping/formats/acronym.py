@@ -19,7 +19,9 @@ from grasptransfer.grasping.formats.grasp_set import (
 )
 from grasptransfer.grasping.formats.hand_of_file import choose_gripper
 from grasptransfer.grasping.gripper import Gripper
+from grasptransfer.jobs import run
 
+LONGEST = 10.0  # s that the HDF5 library may take for a file
 TRANSFORMS = "grasps/transforms"
 FLAGS = "grasps/qualities/flex/object_in_gripper"
 GRIPPER, SCALE, FILE = "gripper/type", "object/scale", "object/file"
@@ -48,15 +50,25 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
 
 
 def _fields(path: Path) -> dict[str, np.ndarray]:
-    """The fields of a file that are read, as far as they are there."""
-    import h5py
+    """The fields of a file that are read, as far as they are there.
 
+    The HDF5 library goes round in circles in some damaged files, and no exception ends it: it works in a
+    process of its own, which does.
+    """
+    (ended,) = run(read_fields, [(path,)], workers=1, limit=LONGEST, attempts=1)
     try:
-        with h5py.File(path, "r") as file:
-            known = (TRANSFORMS, FLAGS, FILE, SCALE, GRIPPER)
-            return {key: np.asarray(file[key]) for key in known if key in file}
+        return ended.result()
     except Exception as error:  # HDF5 finds damage late, and says so by errors of many kinds.
         raise GraspFileError("is not a readable HDF5 file", path=path, fix=str(error)) from error
+
+
+def read_fields(path: Path) -> dict[str, np.ndarray]:
+    """What an HDF5 file holds of the fields that are read."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        known = (TRANSFORMS, FLAGS, FILE, SCALE, GRIPPER)
+        return {key: np.asarray(file[key]) for key in known if key in file}
 
 
 def _text(fields: dict[str, np.ndarray], key: str, path: Path) -> str | None:
