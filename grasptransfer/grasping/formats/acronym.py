@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from grasptransfer.data_files import read_hdf5
 from grasptransfer.errors import GraspFileError
 from grasptransfer.files import replacing
 from grasptransfer.frames import invert
@@ -55,20 +56,12 @@ def _fields(path: Path) -> dict[str, np.ndarray]:
     The HDF5 library goes round in circles in some damaged files, and no exception ends it: it works in a
     process of its own, which does.
     """
-    (ended,) = run(read_fields, [(path,)], workers=1, limit=LONGEST, attempts=1)
+    names = (TRANSFORMS, FLAGS, FILE, SCALE, GRIPPER)
+    (ended,) = run(read_hdf5, [(path, names)], workers=1, limit=LONGEST, attempts=1)
     try:
         return ended.result()
     except Exception as error:  # HDF5 finds damage late, and says so by errors of many kinds.
         raise GraspFileError("is not a readable HDF5 file", path=path, fix=str(error)) from error
-
-
-def read_fields(path: Path) -> dict[str, np.ndarray]:
-    """What an HDF5 file holds of the fields that are read."""
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        known = (TRANSFORMS, FLAGS, FILE, SCALE, GRIPPER)
-        return {key: np.asarray(file[key]) for key in known if key in file}
 
 
 def _text(fields: dict[str, np.ndarray], key: str, path: Path) -> str | None:
