@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -142,17 +141,6 @@ def read_array(path: str | Path, *, error: type[GraspTransferError]) -> Float[np
 
 class _TwiceError(ValueError):
     """A key of a JSON object is there twice."""
-
-
-def read_hdf5(path: str | Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Those of the named data sets that an HDF5 file holds.
-
-    In some damaged files the HDF5 library never comes to an end: call this in a process of its own.
-    """
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        return {name: np.asarray(file[name]) for name in names if name in file}
 
 
 def _pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -102,11 +102,3 @@ def test_settings_of_a_run_are_checked(tmp_path):
         run.SoakSettings(tmp_path, files=0)
     with pytest.raises(SettingsError, match="camera YAML"):
         run.SoakSettings(tmp_path, formats=("camera",))
-
-
-def test_a_file_in_which_hdf5_never_ends_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("grasptransfer.grasping.formats.acronym.LONGEST", 1.0)
-    kind = next(kind for kind in formats() if kind.name == "ACRONYM")
-    path = watch.damaged_file(kind, 2816, tmp_path)
-    with pytest.raises(GraspTransferError, match="not a readable HDF5 file"):
-        kind.read(path)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from grasptransfer.data_files import read_hdf5
 from grasptransfer.errors import GraspFileError
 from grasptransfer.files import replacing
 from grasptransfer.frames import invert
@@ -20,9 +19,7 @@ from grasptransfer.grasping.formats.grasp_set import (
 )
 from grasptransfer.grasping.formats.hand_of_file import choose_gripper
 from grasptransfer.grasping.gripper import Gripper
-from grasptransfer.jobs import run
 
-LONGEST = 10.0  # s that the HDF5 library may take for a file
 TRANSFORMS = "grasps/transforms"
 FLAGS = "grasps/qualities/flex/object_in_gripper"
 GRIPPER, SCALE, FILE = "gripper/type", "object/scale", "object/file"
@@ -51,15 +48,13 @@ def read(path: Path, given: Gripper | None) -> GraspSet:
 
 
 def _fields(path: Path) -> dict[str, np.ndarray]:
-    """The fields of a file that are read, as far as they are there.
+    """The fields of a file that are read, as far as they are there."""
+    import h5py
 
-    The HDF5 library goes round in circles in some damaged files, and no exception ends it: it works in a
-    process of its own, which does.
-    """
-    names = (TRANSFORMS, FLAGS, FILE, SCALE, GRIPPER)
-    (ended,) = run(read_hdf5, [(path, names)], workers=1, limit=LONGEST, attempts=1)
     try:
-        return ended.result()
+        with h5py.File(path, "r") as file:
+            known = (TRANSFORMS, FLAGS, FILE, SCALE, GRIPPER)
+            return {key: np.asarray(file[key]) for key in known if key in file}
     except Exception as error:  # HDF5 finds damage late, and says so by errors of many kinds.
         raise GraspFileError("is not a readable HDF5 file", path=path, fix=str(error)) from error
 
