@@ -2,6 +2,7 @@
 
 import dataclasses
 import shutil
+import tempfile
 
 import numpy as np
 import pytest
@@ -40,6 +41,19 @@ def test_a_complete_data_set_is_not_rendered_again(training_set):
     assert {path: path.stat().st_mtime_ns for path in training_set.rglob("*.npy")} == before
 
 
+class _LeftBehind:
+    """A temporary folder that stays, as a killed run clears nothing up."""
+
+    def __init__(self, prefix, dir):
+        self.name = tempfile.mkdtemp(prefix=prefix, dir=dir)
+
+    def __enter__(self):
+        return self.name
+
+    def __exit__(self, *_):
+        pass
+
+
 def test_a_data_set_is_completed_after_a_kill_and_its_leftovers_are_removed(tmp_path, monkeypatch):
     target = build_small(tmp_path)
     shutil.rmtree(target / "00000.shard")
@@ -55,7 +69,7 @@ def test_a_data_set_is_completed_after_a_kill_and_its_leftovers_are_removed(tmp_
 
     with monkeypatch.context() as patch:
         patch.setattr(np, "save", kill)
-        patch.setattr(shutil, "rmtree", lambda *_, **__: None)  # a killed run clears nothing up
+        patch.setattr(tempfile, "TemporaryDirectory", _LeftBehind)
         with pytest.raises(Killed):
             dataset_module._write_shard(CONFIG, target, 0)
     leftovers = [path for path in target.iterdir() if path.name.startswith(".")]
