@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from grasptransfer.camera_files import read_intrinsics
-from grasptransfer.errors import CameraError
+from grasptransfer.errors import NOT_NUMBERS, CameraError
 
 LOG = logging.getLogger(__name__)
 OFF_CENTRE = 0.15  # of a side; lenses are centred to a few percent, and a turned 4:3 picture is off by 17
@@ -78,7 +78,7 @@ class Camera:
         """
         try:
             k = np.array(matrix, dtype=float)
-        except (TypeError, ValueError, OverflowError) as error:
+        except NOT_NUMBERS as error:
             raise CameraError("intrinsics must be a 3x3 matrix", key="camera", value=matrix) from error
         if k.shape != (3, 3):
             raise CameraError("intrinsics must be a 3x3 matrix", key="camera", value=k.shape)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from grasptransfer.errors import NotSucceeded, SettingsError
+from grasptransfer.errors import NOT_NUMBERS, NotSucceeded, SettingsError
 from grasptransfer.frames import rotation_angle
 from grasptransfer.grasping import CheckStatus
 from grasptransfer.result import TransferredGrasp, TransferResult
@@ -156,7 +156,7 @@ def _pose(grasp: TransferredGrasp) -> Float[np.ndarray, "4 4"]:
 def _unit(direction: object) -> Float[np.ndarray, " 3"]:
     try:
         vector = np.array(direction, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+    except NOT_NUMBERS:
         vector = np.zeros(0)
     length = float(np.linalg.norm(vector))
     if vector.shape != (3,) or not np.isfinite(length) or length == 0:

@@ -9,6 +9,8 @@ import operator
 from collections.abc import Iterable
 from pathlib import Path
 
+# What numpy raises for something that is no array of numbers; the last for whole numbers beyond every float.
+NOT_NUMBERS = (TypeError, ValueError, OverflowError)
 _MISSING = object()
 
 

@@ -65,7 +65,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from grasptransfer.errors import PoseError
+from grasptransfer.errors import NOT_NUMBERS, PoseError
 
 ORTHONORMAL_TOLERANCE = 1e-3  # float32 files round to about 1e-7; typed-in poses to 1e-4
 LARGEST_TRANSLATION = 50.0  # m; beyond it a pose was given in millimetres
@@ -82,7 +82,7 @@ def check_rigid(a_from_b: object, name: str = "pose") -> Float[np.ndarray, "4 4"
     """
     try:
         matrix = np.array(a_from_b, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:
+    except NOT_NUMBERS as error:
         raise PoseError("must be a 4x4 matrix of numbers", key=name, value=a_from_b) from error
     if matrix.shape != (4, 4):
         raise PoseError("must be a 4x4 matrix", key=name, value=matrix.shape)

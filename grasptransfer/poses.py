@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from grasptransfer.camera import Camera
 from grasptransfer.data_files import read_array, read_data
-from grasptransfer.errors import PoseError
+from grasptransfer.errors import NOT_NUMBERS, PoseError
 from grasptransfer.frames import OPENGL_FROM_OPENCV, invert, rigid
 from grasptransfer.picture_entries import entry_of
 from grasptransfer.pose_formats import KEY, SIGMA, numbers_of, pose_of_mapping, pose_of_matrix
@@ -108,7 +108,7 @@ def covariance_of(
         return None
     try:
         array = np.array(pose_sigma, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+    except NOT_NUMBERS:
         array = np.array(np.nan)
     where: dict[str, Any] = {"key": key, "path": path, "value": pose_sigma}
     if (

@@ -98,7 +98,7 @@ def test_up_is_the_worlds_else_the_planes():
     assert Physics().standing(None).up is None
     assert Physics().standing(Scene()).up is None
     np.testing.assert_allclose(Physics(up=[0, 0, 2]).standing(plane).up, [0, 0, 1])
-    for wrong in ([0, 0, 0], [1, 2], "up", [np.nan, 0, 1]):
+    for wrong in ([0, 0, 0], [1, 2], "up", [np.nan, 0, 1], [0, 0, 10**400]):
         with pytest.raises(SettingsError, match="up"):
             Physics(up=wrong)
 

@@ -108,7 +108,14 @@ def test_a_scene_of_parts_is_one_obstacle():
 
 
 @pytest.mark.parametrize(
-    "plane", [("a", "b"), (1, 2, 3), (np.zeros(3), np.zeros(3)), (np.zeros(2), np.ones(3))]
+    "plane",
+    [
+        ("a", "b"),
+        (1, 2, 3),
+        (np.zeros(3), np.zeros(3)),
+        (np.zeros(2), np.ones(3)),
+        ([0, 0, 10**400], [0, 0, 1]),
+    ],
 )
 def test_a_plane_that_is_none_is_refused(plane):
     with pytest.raises(SceneError, match="support_plane"):

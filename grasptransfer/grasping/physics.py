@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from grasptransfer.errors import SettingsError
+from grasptransfer.errors import NOT_NUMBERS, SettingsError
 from grasptransfer.grasping.scene import Scene
 
 Uncertain = float | tuple[float, float]
@@ -131,7 +131,7 @@ def _checked(key: str, given: object) -> Uncertain:
 def _direction(given: object) -> Float[np.ndarray, "3"]:
     try:
         up = np.array(given, dtype=float)
-    except (TypeError, ValueError):
+    except NOT_NUMBERS:
         up = np.zeros(0)
     if up.shape != (3,) or not np.isfinite(up).all() or np.linalg.norm(up) < 1e-9:
         raise SettingsError("must be a direction, three numbers that are not all 0", key="up", value=given)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from grasptransfer.camera import Camera
 from grasptransfer.data_files import read_yaml
-from grasptransfer.errors import PoseError, SceneError, in_millimetres
+from grasptransfer.errors import NOT_NUMBERS, PoseError, SceneError, in_millimetres
 from grasptransfer.grasping.obstacles import checked_obstacle, depth_cloud
 from grasptransfer.grasping.surface import LARGEST_EXTENT
 from grasptransfer.meshes import MeshLimits, load_mesh
@@ -100,7 +100,7 @@ def _checked_plane(given: Any) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray
     try:
         point, normal = (np.array(part, dtype=float) for part in given)
         right = point.shape == normal.shape == (3,) and bool(np.isfinite([point, normal]).all())
-    except (TypeError, ValueError):
+    except NOT_NUMBERS:
         right = False
     if not right or np.linalg.norm(normal) < 1e-9:
         message = "must be a finite point and a normal that is not zero"

@@ -12,7 +12,7 @@ from PIL import ExifTags, Image, UnidentifiedImageError
 
 from grasptransfer.camera import Camera
 from grasptransfer.drawing.boxes import Box
-from grasptransfer.errors import ImageError
+from grasptransfer.errors import NOT_NUMBERS, ImageError
 from grasptransfer.frames import check_rigid
 from grasptransfer.perception.earlier_pictures import ObjectPosterior
 from grasptransfer.perception.picture_camera import camera_of
@@ -234,7 +234,7 @@ def _box_of(box, width: int, height: int) -> Box:
     """A given box; beside a mask, which may show a part alone, it goes round the whole object."""
     try:
         array = np.asarray(box, float)
-    except (TypeError, ValueError, OverflowError):
+    except NOT_NUMBERS:
         array = np.zeros(0)
     if array.shape != (4,):
         raise ImageError("must be four numbers (u0, v0, u1, v1)", key="box", value=box)

@@ -22,7 +22,7 @@ import numpy as np
 from PIL import Image
 
 from grasptransfer.camera import Camera
-from grasptransfer.errors import GraspTransferError, ImageError, SceneError, SettingsError
+from grasptransfer.errors import NOT_NUMBERS, GraspTransferError, ImageError, SceneError, SettingsError
 
 if TYPE_CHECKING:
     from grasptransfer.grasping import Scene
@@ -69,7 +69,7 @@ def array(value: Any, key: str) -> np.ndarray:
     if not isinstance(value, Mapping):
         try:
             return np.array(value, dtype=float)
-        except (TypeError, ValueError, OverflowError) as error:
+        except NOT_NUMBERS as error:
             raise SettingsError("is not an array of numbers", key=key, value=value) from error
     check_keys(value, ("dtype", "shape", "data"), ("dtype", "shape", "data"), key)
     dtype, shape, data = value["dtype"], value["shape"], value["data"]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from grasptransfer.errors import GraspFileError, PoseError
+from grasptransfer.errors import NOT_NUMBERS, GraspFileError, PoseError
 from grasptransfer.frames import check_rigid, invert
 from grasptransfer.grasping.gripper import Gripper
 from grasptransfer.grasping.placed_grasp import PlacedGrasp
@@ -106,7 +106,7 @@ def rigid_poses(values: object, path: Path, key: str) -> Float[np.ndarray, "g 4 
     """
     try:
         poses = np.array(values, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:
+    except NOT_NUMBERS as error:
         raise GraspFileError("must hold 4x4 matrices of numbers", path=path, key=key) from error
     if poses.size == 0:
         raise GraspFileError("holds no grasp", path=path, key=key)
