@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parent.parent / "grasptransfer"
 ROOMS = [
     {"errors"},
     {"files"},
-    {"data_files"},
+    {"data_files", "page_server"},
     {"frames"},
     {"yaml_models", "picture_entries", "exif"},
     {"fitted"},

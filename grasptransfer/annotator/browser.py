@@ -7,10 +7,8 @@ from pathlib import Path
 from grasptransfer.annotator.page import Page
 from grasptransfer.annotator.session import Session
 from grasptransfer.category import Category, load_category
-from grasptransfer.errors import SettingsError
 from grasptransfer.grasping import Gripper, load_gripper
-
-REFRESH = 0.05  # s between updates of the page
+from grasptransfer.page_server import REFRESH, page_server
 
 
 def annotate(
@@ -35,24 +33,14 @@ def annotate(
     Raises:
         GraspTransferError: wrong category, gripper or grasp file; viser is not installed.
     """
-    try:
-        import viser
-    except ImportError as error:
-        raise SettingsError("the package viser is missing", fix="pip install viser") from error
-    if not 0 < port < 65536:
-        raise SettingsError("must lie between 1 and 65535", key="port", value=port)
     loaded = gripper if isinstance(gripper, Gripper) else load_gripper(gripper)
     session = Session(load_category(category), loaded, path=path)
-    server = viser.ViserServer(
-        host=host, port=port, label=f"grasps of {session.category.name}", verbose=False
-    )
     stop = stop or threading.Event()
-    try:
-        page = Page(server, session)
-        on_ready(f"Annotating {session.path}: http://{host}:{server.get_port()}  (Ctrl-C ends)")
-        while not stop.wait(REFRESH):
-            page.refresh()
-    except KeyboardInterrupt:
-        on_ready("unsaved changes are lost" if session.unsaved else "everything is saved")
-    finally:
-        server.stop()
+    with page_server(f"grasps of {session.category.name}", host=host, port=port) as server:
+        try:
+            page = Page(server, session)
+            on_ready(f"Annotating {session.path}: http://{host}:{server.get_port()}  (Ctrl-C ends)")
+            while not stop.wait(REFRESH):
+                page.refresh()
+        except KeyboardInterrupt:
+            on_ready("unsaved changes are lost" if session.unsaved else "everything is saved")

@@ -4,11 +4,9 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from grasptransfer.errors import SettingsError
+from grasptransfer.page_server import REFRESH, page_server
 from grasptransfer.posing.page import PosePage
 from grasptransfer.posing.session import PoseSession
-
-REFRESH = 0.05  # s between updates of the page
 
 
 def pose_in_browser(
@@ -31,23 +29,13 @@ def pose_in_browser(
     Raises:
         GraspTransferError: a wrong port; viser is not installed.
     """
-    try:
-        import viser
-    except ImportError as error:
-        raise SettingsError("the package viser is missing", fix="pip install viser") from error
-    if not 0 < port < 65536:
-        raise SettingsError("must lie between 1 and 65535", key="port", value=port)
-    server = viser.ViserServer(
-        host=host, port=port, label=f"pose of a {session.category.name}", verbose=False
-    )
     stop = stop or threading.Event()
     page = None
-    try:
-        page = PosePage(server, session, path)
-        on_ready(f"Drag, fit, save: http://{host}:{server.get_port()}  (Ctrl-C ends)")
-        while not stop.wait(REFRESH):
-            page.refresh()
-    except KeyboardInterrupt:
-        on_ready(f"saved to {path}" if page is not None and page.saved else "the pose was not saved")
-    finally:
-        server.stop()
+    with page_server(f"pose of a {session.category.name}", host=host, port=port) as server:
+        try:
+            page = PosePage(server, session, path)
+            on_ready(f"Drag, fit, save: http://{host}:{server.get_port()}  (Ctrl-C ends)")
+            while not stop.wait(REFRESH):
+                page.refresh()
+        except KeyboardInterrupt:
+            on_ready(f"saved to {path}" if page is not None and page.saved else "the pose was not saved")
