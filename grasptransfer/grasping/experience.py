@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import expit
 
 from grasptransfer.category import objects_folder
 from grasptransfer.data_files import read_yaml
@@ -80,7 +81,7 @@ class Experience:
             return 0.0
         bounded = float(np.clip(chance, SURE, 1 - SURE))
         odds = self.shift + self.slope * np.log(bounded / (1 - bounded))
-        return float(1 / (1 + np.exp(-odds - self.of_grasps.get(grasp.split("/")[0], 0.0))))
+        return float(expit(odds + self.of_grasps.get(grasp.split("/")[0], 0.0)))
 
     def steepness(self, chance: float, grasp: str) -> float:
         """How much `score` changes with the chance."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import expit
 
 from grasptransfer.category import objects_folder
 from grasptransfer.errors import GraspFileError
@@ -94,11 +95,7 @@ def expected_success(
 def chances(features: Float[np.ndarray, "*g s 5"], weights: Weights) -> Float[np.ndarray, "*g s"]:
     """Chance of getting there and holding, in each draw."""
     entry, clearance, bias, *others = weights
-    enters = _logistic(entry + clearance * features[..., 0])
-    holds = _logistic(bias + features[..., 1:4] @ np.array(others))
-    bears = _logistic(BEARING * (1 - features[..., 4]))
+    enters = expit(entry + clearance * features[..., 0])
+    holds = expit(bias + features[..., 1:4] @ np.array(others))
+    bears = expit(BEARING * (1 - features[..., 4]))
     return np.nan_to_num(enters * holds * bears, nan=0.0)
-
-
-def _logistic(odds: np.ndarray) -> np.ndarray:
-    return 1 / (1 + np.exp(-odds))

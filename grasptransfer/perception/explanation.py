@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
+from scipy.special import expit
 
 from grasptransfer.drawing.boxes import Box, overlap
 from grasptransfer.errors import PoseError
@@ -98,7 +99,7 @@ def reconsider(
         better = confidence.preference(signs_of_other) - confidence.preference(signs)
         likely = other.category_score is not None and other.category_score > max(score, LIKELY)
         if better > CLEARLY and likely:
-            chance = min(score, float(1 / (1 + np.exp(better))))
+            chance = min(score, float(expit(-better)))
             return replace(estimate, status=reading.status, warning=reading.sentence, category_score=chance)
     return by_box
 

@@ -15,7 +15,7 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial.transform import Rotation
 
 from grasptransfer.camera import Camera
-from grasptransfer.drawing.boxes import projected_box
+from grasptransfer.drawing.boxes import overlap, projected_box
 from grasptransfer.drawing.visible import visible_faces
 from grasptransfer.errors import PoseError, SettingsError
 from grasptransfer.files import write_whole
@@ -194,9 +194,7 @@ class PoseSession:
     @property
     def box_overlap(self) -> float:
         """How well the model's box covers the object's: intersection over union."""
-        from grasptransfer.perception.pose_search.traits import box_overlap
-
-        return box_overlap(projected_box(self.vertices, self.camera, self.now.camera_from_object), self.box)
+        return overlap(projected_box(self.vertices, self.camera, self.now.camera_from_object), self.box)
 
     def save(self, path: Path) -> Path:
         """Write the pose file, with its uncertainty.

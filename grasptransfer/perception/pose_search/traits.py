@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from grasptransfer.camera import Camera
 from grasptransfer.category import Category
-from grasptransfer.drawing.boxes import Box, projected_box
+from grasptransfer.drawing.boxes import Box, overlap, projected_box
 from grasptransfer.drawing.visible import visible_faces
 from grasptransfer.perception.canonical_view import CanonicalView, view_canonical
 from grasptransfer.perception.estimate import ShapeEstimate
@@ -18,7 +18,7 @@ from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.pose_search.grid import misfit
 from grasptransfer.perception.pose_search.one_member import OneMember
 from grasptransfer.perception.rgb import RgbEstimator
-from grasptransfer.perception.signs import OF_PASS
+from grasptransfer.perception.signs import OF_PASS, overlap_of
 from grasptransfer.perception.zoom import MASK_STRIDE, zoom_camera, zoom_picture
 
 VIEW_TRAITS = ("match", "latent", "flow", "flow_scale", "offset_scale", "overlap", "misfit")
@@ -69,7 +69,7 @@ def _of_view(prediction: Prediction, index: int, view: CanonicalView) -> list[fl
         float(np.linalg.norm(prediction.flow[index][:, cells], axis=0).mean()) * FLOW_UNIT,
         float(prediction.flow_log_scale[index, 0][cells].mean()),
         float(prediction.offset_log_scale[index, 0][cells].mean()),
-        _overlap(silhouette, prediction.mask_logit[index, 0] > 0),
+        overlap_of(silhouette, prediction.mask_logit[index, 0] > 0),
     ]
 
 
@@ -100,23 +100,10 @@ def pose_traits(
         np.log(motion.pixel_scale).mean(),
         np.log(motion.offset_scale).mean(),
         _shown_overlap(estimator, vertices, pose, look),
-        box_overlap(box, seen.box),
+        overlap(box, seen.box),
     ])  # fmt: skip
 
 
 def _shown_overlap(estimator: RgbEstimator, vertices, pose, look: Look) -> float:
     shown = visible_faces(vertices, np.asarray(estimator.category.canonical.faces), look.camera, pose)
-    return _overlap(shown.mask[2::MASK_STRIDE, 2::MASK_STRIDE], look.object_probability > 0.5)
-
-
-def _overlap(a: np.ndarray, b: np.ndarray) -> float:
-    return float((a & b).sum() / max((a | b).sum(), 1))
-
-
-def box_overlap(a: Box, b: Box) -> float:
-    """Intersection over union of two boxes."""
-    wide = min(a[2], b[2]) - max(a[0], b[0])
-    high = min(a[3], b[3]) - max(a[1], b[1])
-    common = max(wide, 0.0) * max(high, 0.0)
-    both = sum((box[2] - box[0]) * (box[3] - box[1]) for box in (a, b))
-    return float(common / max(both - common, 1e-9))
+    return overlap_of(shown.mask[2::MASK_STRIDE, 2::MASK_STRIDE], look.object_probability > 0.5)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import expit
 
 from grasptransfer.grasping.experience import SURE
 from grasptransfer.grasping.success_model import Ranking, Weights, expected_success
@@ -46,7 +47,7 @@ class FittedScores:
         """The score of each grasp."""
         known = np.array([self.of_grasps.get(one.grasp, 0.0) for one in executed])
         odds = _log_odds(likely(executed, self.weights))
-        return _sigmoid(self.shift + self.slope * odds + known) * np.array([one.trust for one in executed])
+        return expit(self.shift + self.slope * odds + known) * np.array([one.trust for one in executed])
 
 
 def likely(executed: Sequence[Executed], weights: Weights) -> Float[np.ndarray, "g"]:
@@ -130,7 +131,7 @@ def _fit_experience(
     which = np.array([names.index(one.grasp) for one in executed])
 
     def loss(values):
-        chance = trust * _sigmoid(values[0] + values[1] * odds + values[2:][which])
+        chance = trust * expit(values[0] + values[1] * odds + values[2:][which])
         return (
             _loss(chance, held, count) + POOLING * np.square(values[2:]).sum() + RIDGE * (values[1] - 1) ** 2
         )
@@ -147,9 +148,3 @@ def _loss(chance: np.ndarray, held: np.ndarray, count: np.ndarray) -> float:
 def _log_odds(chance: np.ndarray) -> np.ndarray:
     bounded = np.clip(chance, SURE, 1 - SURE)
     return np.log(bounded / (1 - bounded))
-
-
-def _sigmoid(odds: np.ndarray) -> np.ndarray:
-    from scipy.special import expit
-
-    return expit(odds)

@@ -17,6 +17,7 @@ from grasptransfer.meshes import load_mesh
 from grasptransfer.perception.estimate import ShapeEstimate
 from grasptransfer.perception.observation import Observation
 from grasptransfer.perception.reconstruction import reconstruct
+from grasptransfer.perception.signs import overlap_of
 from grasptransfer.workshop.benchmark.errors_of_shape import TRUE_POINTS, TrueSurface, outer_surface
 from grasptransfer.workshop.benchmark.photo_files import Photo
 from grasptransfer.workshop.benchmark.placed_boxes import PlacedTruth, summarise_placed
@@ -79,7 +80,7 @@ def overlap(mask: np.ndarray | None, true: np.ndarray | None) -> float | None:
     """Intersection over union."""
     if mask is None or true is None:
         return None
-    return float((mask & true).sum() / max((mask | true).sum(), 1))
+    return overlap_of(mask, true)
 
 
 def silhouette_of(

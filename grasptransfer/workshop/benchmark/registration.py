@@ -12,6 +12,7 @@ from grasptransfer.errors import SettingsError
 from grasptransfer.options import check_counts
 from grasptransfer.perception.estimators import check_estimators
 from grasptransfer.perception.observation import Observation
+from grasptransfer.perception.signs import overlap_of
 from grasptransfer.workshop.benchmark.document import document
 from grasptransfer.workshop.benchmark.estimators import DEFAULT, METHODS, OF_SHAPES, EstimatorSet, shown_to
 from grasptransfer.workshop.benchmark.given_poses import EXACT, GivenPoses
@@ -203,7 +204,7 @@ def _pose_means(when: str, scores: list[PlacedScore]) -> dict[str, float]:
 def _iou(predicted: np.ndarray | None, true: np.ndarray | None) -> float:
     if predicted is None or true is None:
         return 0.0
-    return float((predicted & true).sum() / max((predicted | true).sum(), 1))
+    return overlap_of(predicted, true)
 
 
 def _check(settings: RegistrationSettings):
